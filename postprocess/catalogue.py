@@ -48,7 +48,9 @@ def read(path, way):
         events = along_their_direction({name: data[:] for name, data in file["events"].items() if name != "rupture"})
         found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
                  "title": scene_title(file)}
-        end = found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
+        # with load_halt the times of events are the plate's, those of frames are not
+        clock = file["series/plate_time"][-1:] if "series/plate_time" in file else found["t"][-1:] * ("clock" not in events)
+        end = found["end"] = max(clock[-1], events["t"][-1] if len(events["t"]) else 0)
         plate = found["plate"] = Plate(file, end)
     if plate.way(end) == 0:
         raise Unusable("is of a plate that rests")

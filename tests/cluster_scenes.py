@@ -21,23 +21,45 @@ def start_file(eta, h=1.0):
 
 def drawn_scene(rng, most=100, slow=1):
     """The words of a random scene of up to so many nodes, its start, and K0 |v|, smaller the slower."""
-    n, v, ring = int(rng.integers(8, most)), float(rng.choice([1e-2, 3e-2, -1e-2])) / slow, rng.integers(2)
-    given = f"-grid_n {n} -model_v {v} -bc_left {'periodic' if ring else 'free'} -ts_rtol 1e-10 -ts_atol 1e-10"
-    given += f" -ts_max_time {0.8 / abs(v)} -out_events -out_rupture -out_series false -out_frames 2"
+    n, v, ring = int(rng.integers(16, most)), float(rng.choice([1e-2, 3e-2, -1e-2])) / slow, rng.integers(2)
+    end = 0.8 / abs(v)
+    given = f"-grid_n {n} -model_v {v} -ts_rtol 1e-10 -ts_atol 1e-10"
+    given += " -out_events -out_rupture -out_series false -out_frames 2"
     given += f" -friction_back_slip {'true' if v < 0 or rng.integers(2) else 'false'}"
     given += [" -friction_law coulomb", f" -friction_law carlson-langer -friction_alpha {rng.uniform(0.5, 3)}"
               f" -friction_sigma {rng.uniform(0.05, 0.3)}"][rng.integers(2)]
+    chain = rng.integers(2)
+    h = 1.0 if chain else 0.5 if ring else 0.5 * n / (n - 1)
     if rng.integers(2):
         given += f" -friction_spread {rng.uniform(0.05, 0.3)} -friction_seed {rng.integers(1000)}"
-    if rng.integers(2):
+    if rng.integers(4) == 0:
+        length = h * (n if ring else n - 1)
+        given += f" -friction_amplitude_profile 0:1,{0.3 * length}:{rng.uniform(1, 1.3)},{0.7 * length}:{rng.uniform(0.8, 1)}"
+    order = 2
+    if chain:
         given += f" -model_form chain -model_m 1 -model_k0 1 -model_k1 {rng.uniform(0.2, 5)} -model_f0 1"
         given += f" -model_zeta {rng.uniform(0, 0.5) * rng.integers(2)}"
-        h = 1.0
     else:
-        given += f" -model_form continuum -grid_order 2 -grid_length {0.5 * n} -model_gamma 1"
+        order = int(rng.choice([2, 4, 6, 8]))
+        given += f" -model_form continuum -grid_order {order} -grid_length {0.5 * n} -model_gamma 1"
         given += f" -model_c {rng.uniform(0.2, 1.5)} -model_delta {0.1 * rng.integers(2)}"
-        h = 0.5 if ring else 0.5 * n / (n - 1)
-    return given + start_file(np.sign(v) * rng.uniform(0, 0.7, n), h), abs(v)
+    # what slips is reached by an end that moves, but stays where it is wherever order 8 has none
+    ends = "periodic" if ring else "velocity" if order < 8 and rng.integers(3) == 0 else "free"
+    given += f" -bc_left {ends}"
+    if ends == "velocity":
+        given += f" -bc_left_value {v if rng.integers(2) else 0} -bc_right free"
+    if rng.integers(4) == 0:
+        given += f" -model_nu {rng.uniform(0.02, 0.3)}"
+    kind = rng.integers(6)
+    if kind == 0:
+        given += f" -load_sine_amplitude {rng.uniform(0.5, 4) * abs(v)} -load_sine_period {rng.uniform(0.05, 0.5) * end}"
+    elif kind == 1:
+        given += f" -load_v 0:{v},{0.4 * end}:{2 * v},{0.4 * end}:{-0.5 * v},{0.6 * end}:{-0.5 * v},{0.7 * end}:{1.5 * v}"
+    elif kind == 2 and "carlson" in given:
+        given += f" -state_law healing -state_t_h {rng.uniform(5, 50)} -state_tau_inf {rng.uniform(1.1, 1.5)} -state_D {rng.uniform(0.2, 1)} -init_state 1.05"
+    elif kind == 3:
+        given += f" -state_law contact-age -state_b {rng.uniform(0.01, 0.05)} -state_theta0 {rng.uniform(0.5, 2)} -state_D {rng.uniform(0.2, 1)} -init_state 3"
+    return given + f" -ts_max_time {end}" + start_file(np.sign(v) * rng.uniform(0, 0.7, n), h), abs(v)
 
 
 def events_alike(given, loading):
@@ -56,7 +78,9 @@ def events_alike(given, loading):
         for name in ("left", "extent", "direction", "first"):
             apart |= whole[name][:count] != own[name][:count]
         for name in ("slip", "moment", "stress_drop", "strain_energy", "friction_work", "radiated"):
-            apart |= ~np.isclose(whole[name][:count], own[name][:count], rtol=bound, atol=bound)
+            # with a state whole steps take friction in the middle of a step at the mean of the states at its ends
+            near = 100 * bound if name == "friction_work" and "state_law" in given else bound
+            apart |= ~np.isclose(whole[name][:count], own[name][:count], rtol=near, atol=near)
         for name in ("begin", "t"):
             apart |= np.abs(whole[name][:count] - own[name][:count]) > bound / loading
         return int(np.argmax(apart)) if apart.any() else count

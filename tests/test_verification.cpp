@@ -491,7 +491,7 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
   loose.length = 12;
   loose.k0 = 0;
   Model model(PETSC_COMM_WORLD, loose);
-  CHECK_THROWS_AS(Displacement(model), UsageError);
+  CHECK_THROWS_AS(Displacement(model, Plate()), UsageError);
 }
 
 TEST_CASE("the energy balance of a run closes at the method's order", "[energy][serial]") {

@@ -162,9 +162,11 @@ std::string motion_words(const Summary& s, const Scene& scene) {
 
 // How it was computed.
 std::string work_words(const Summary& s) {
-  std::string text = "t = " + rounded(s.get("t_end"), 6) + " in " + s.get("steps").dump() + " steps of " +
-                     s.get("method").get<std::string>() + " (" + s.get("rejections").dump() + " rejected), " +
-                     s.get("unknowns").dump() + " unknowns";
+  const Json& plate = s.get("plate_time");
+  std::string text = "t = " + rounded(s.get("t_end"), 6) +
+                     (plate.is_null() ? "" : " (the plate's clock: " + rounded(plate, 6) + ")") + " in " +
+                     s.get("steps").dump() + " steps of " + s.get("method").get<std::string>() + " (" +
+                     s.get("rejections").dump() + " rejected), " + s.get("unknowns").dump() + " unknowns";
   if (const Json& error = s.get("error_estimate"); !error.is_null())
     text += ", error about " + rounded(error, 2);
   return text;
@@ -179,7 +181,8 @@ std::vector<SummaryKey> observed_keys() {
        "that stays, with rests or without any (`rest_fraction`); `stuck`: at rest for ever; `decaying`, "
        "`growing`: an oscillation on its way down or up; `undecided`: the run was too short to tell"},
       {"regime_reason", "",
-       "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`)"},
+       "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`, "
+       "`load_halt`)"},
       {"regime_rate", "1/time", "measured rate at which the size of the motion changes"},
       {"growth_rate", "1/time",
        "of perturbations of the steady sliding nearest, by linear theory: that of `spectrum`"},
@@ -261,7 +264,7 @@ std::vector<SummaryKey> run_keys() {
 std::vector<TableText> run_tables() {
   return {run_keys(),
           {"series/", Series::fields()},
-          {"events/", Catalogue::columns(true)},
+          {"events/", Catalogue::columns(true, true)},
           {"events/rupture/", Catalogue::rupture_columns()}};
 }
 

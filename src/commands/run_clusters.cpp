@@ -10,7 +10,7 @@ namespace stickslip {
 bool Run::takes_clusters() const { return options_.text("stick_clusters") == "on"; }
 
 // Behind the integrator, which knows the method that the options mean.
-void Run::set_up_clusters() {
+void Run::set_up_clusters(const std::optional<Checkpoint>& checkpoint) {
   const auto refuse = [](const std::string& why) {
     throw UsageError("stick_clusters on: " + why + "; leave it off");
   };
@@ -22,22 +22,39 @@ void Run::set_up_clusters() {
   for (const auto& given : options_.library())
     if (given.first.rfind("ts_adapt_", 0) == 0 || given.first.rfind("ts_monitor", 0) == 0)
       refuse("each cluster has its own steps, of which -" + given.first + " knows nothing");
-  for (const char* name : {"restart", "out_checkpoint_every"})
-    if (options_.is_set(name)) refuse(std::string("there are no checkpoints of clusters (") + name + ")");
   for (const char* name : {"accuracy", "out_maxima"})
     if (options_.is_set(name)) refuse(std::string(name) + " looks at every step of the whole medium");
   if (options_.integer("lyapunov_count") > 0) refuse("lyapunov_count follows deviations of the whole medium");
-  clusters_.emplace();
+  double absolute, relative;
+  SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
+  clusters_ = std::make_unique<ClusterRun>(
+      problem_.model, absolute, relative,
+      ClusterRun::Wanted{catalogue_ != nullptr, options_.boolean("out_rupture")});
   clusters_->report.method = integrator_->report().method;
+  if (!checkpoint) return;
+  try {
+    Archive from = Archive::from(*checkpoint, NodeRange::of(problem_.model));
+    clusters_->archive(from);
+  } catch (const std::runtime_error& e) {
+    throw UsageError("restart '" + options_.text("restart") + "': is not a whole checkpoint: " + e.what());
+  }
 }
 
-// From where to where and how exactly, while the integrator is there; without observers.
-ClusterPlan Run::cluster_plan() {
+// From where to where, without observers.
+ClusterPlan Run::cluster_plan() const {
   ClusterPlan plan;
   plan.span = {origin_.t, options_.real("ts_max_time"), control_->most_steps()};
-  SS_TRY(TSGetTolerances(integrator_->ts(), &plan.atol, nullptr, &plan.rtol, nullptr));
   plan.next_time = [](double) { return std::numeric_limits<double>::infinity(); };
   return plan;
+}
+
+bool Run::goes_on(std::int64_t steps, double t) {
+  const RunControl::Decision decision = control_->after(steps, t);
+  if (file_ && decision.checkpoint) {
+    clusters_->solution(problem_.u);
+    write_checkpoint_at(steps, t, 1, problem_.u);  // each cluster's own next step stands with it
+  }
+  return !decision.stop;
 }
 
 void Run::advance_clusters(Progress& progress) {
@@ -46,20 +63,17 @@ void Run::advance_clusters(Progress& progress) {
   integrator_.reset();  // with all its vectors
   for (const auto& observer : observers_) plan.observers.push_back(observer.get());
   plan.next_time = [announced = this->plan()](double t) { return announced.next_time(t); };
-  if (catalogue_) {
-    catalogue_->take_events();
-    plan.ruptures = options_.boolean("out_rupture");
-    plan.event = [this](const SlipEvent& event) { catalogue_->record(event); };
-  }
+  if (catalogue_) plan.event = [this](const SlipEvent& event) { catalogue_->record(event); };
+  if (control_->checkpoints_by_steps()) plan.ask_every = 1;
   plan.go_on = [&](std::int64_t steps, double t) {
     if (progress.due()) {
       const double part = (t - origin_.t) / (t_end - origin_.t);
       progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), {} steps of clusters{}", t, t_end,
                                 100 * part, steps, progress.left(part)));
     }
-    return !control_->after(steps, t).stop;
+    return goes_on(steps, t);
   };
-  simulate_clusters(problem_.model, problem_.u, plan, *clusters_);
+  clusters_->advance(problem_.u, plan);
 }
 
 }  // namespace stickslip

@@ -33,15 +33,16 @@ std::array<int, 4> RunControl::ask() {
   return {flags[0], flags[1], flags[2], flags[3]};
 }
 
-RunControl::Decision RunControl::after(std::int64_t step, double t) {
+RunControl::Decision RunControl::after(std::int64_t step, double t, bool over) {
   const std::array<int, 4> flags = ask();
   stopped_by_ = flags[0];
-  wall_is_over_ = flags[3] && t < t_end_ && !stopped_by_;
+  over = over || t == t_end_;
+  wall_is_over_ = flags[3] && !over && !stopped_by_;
   Decision decision;
   decision.stop = stopped_by_ != 0 || wall_is_over_;
   const bool by_steps = every_.steps > 0 && step > 0 && step != first_step_ && step % every_.steps == 0;
-  const bool last = t == t_end_ || step >= most_steps_;
-  const bool inside = t < t_end_ && (by_steps || decision.stop || flags[1] || flags[2]);
+  const bool last = over || step >= most_steps_;
+  const bool inside = !over && (by_steps || decision.stop || flags[1] || flags[2]);
   decision.checkpoint = inside || (last && wants_checkpoints());
   decision.restart = inside && !decision.stop;
   return decision;

@@ -23,10 +23,12 @@ class RunControl {
   };
   // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps
   // at the latest, by one reduction over all. Collective.
-  Decision after(std::int64_t step, double t);
+  // `over`: the run ends here, also where t is not ts_max_time.
+  Decision after(std::int64_t step, double t, bool over = false);
   void checkpoint_written();
 
   bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }
+  bool checkpoints_by_steps() const { return every_.steps > 0; }  // after() is to see every step then
   std::int64_t most_steps() const { return most_steps_; }
   int signal() const { return stopped_by_; }           // that ended the run, 0: none
   bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end

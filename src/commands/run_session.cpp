@@ -61,6 +61,16 @@ std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint, co
 Problem problem_for(const Scene& scene, const Options& options, const std::optional<Checkpoint>& checkpoint) {
   // A catalogue is that of all nodes, and deviations need not be alike where the nodes are.
   const bool whole = options.boolean("out_events") || options.integer("lyapunov_count") > 0;
+  if (halts(scene) && options.integer("lyapunov_count") > 0)
+    throw UsageError(
+        "lyapunov_count: exponents are of a motion that is driven all the time; leave load_halt off");
+  if (options.is_set("ts_max_plate") && !options.is_set("ts_max_time"))
+    throw UsageError(
+        "-ts_max_plate " + options.text("ts_max_plate") +
+        ": it needs ts_max_time too, by which the run's own clock stops it at the latest and over "
+        "which its frames are spread");
+  if (options.is_set("ts_max_plate") && options.is_set("accuracy"))
+    throw UsageError("-ts_max_plate: -accuracy is that of fields at ts_max_time, which must be the end");
   return problem_of(scene, whole ? options.with("scene_reduce", "off") : options,
                     nodes_of(checkpoint, scene, options));
 }
@@ -116,7 +126,7 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
   if (checkpoint) restore(*checkpoint);
   control_.emplace(options, origin_.step);
   const double begin = spent();
-  make_integrator();
+  make_integrator(checkpoint);
   step_seconds_ = spent() - begin;
   if (!options.boolean("check")) open_file();
 }
@@ -129,7 +139,7 @@ Answer Run::end() const {
 void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file"))
-    displacement_ = std::make_unique<Displacement>(model);
+    displacement_ = std::make_unique<Displacement>(model, plate_);
   const bool every_step = !takes_clusters();
   if (every_step) {
     auto regime =
@@ -140,9 +150,10 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events")) {
-    auto catalogue =
-        std::make_unique<Catalogue>(model, event_velocity(options_, scene_), options_.boolean("out_rupture"));
+    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_),
+                                                 options_.boolean("out_rupture"), plate_);
     catalogue_ = catalogue.get();
+    if (takes_clusters()) catalogue_->take_events();
     observers_.push_back(std::move(catalogue));
   }
   if (options_.integer("lyapunov_count") > 0)
@@ -165,7 +176,7 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
-    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
+    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_));
   // after the rows of the same moment
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
 }
@@ -179,6 +190,7 @@ void Run::archive(Archive a, Origin& at, Vec state) {
   a("nodes", nodes);
   a("t_end", t_end);
   a("longest_step", longest_step_);
+  if (halts(scene_)) a("plate", plate_.t, plate_.time, plate_.goes);
   for (const auto& observer : observers_)
     if (observer.get() != measure_) observer->archive(a);
 }
@@ -217,11 +229,13 @@ void Run::limit_steps() {
     SS_TRY(TSAdaptSetStepLimits(adapt, least, longest_step_));
 }
 
-void Run::make_integrator() {
+void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
+  if (options_.is_set("ts_max_plate")) plate_.end = options_.real("ts_max_plate");
+  integrator_->drive_by(plate_);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
   if (takes_clusters())
-    set_up_clusters();
+    set_up_clusters(checkpoint);
   else
     limit_steps();
   if (maxima_ && integrator_->adaptive()) {
@@ -279,7 +293,7 @@ int Run::check(Summary& summary) {
   if (clusters_) {
     ClusterPlan plan = cluster_plan();
     plan.go_on = [&](std::int64_t, double) { return has_time(); };
-    simulate_clusters(problem_.model, problem_.u, plan, *clusters_);
+    clusters_->advance(problem_.u, plan);
     t = clusters_->report.t;
     steps = clusters_->report.steps;
     has_time();
@@ -315,7 +329,14 @@ int Run::check(Summary& summary) {
   return 0;
 }
 
-std::int64_t Run::rejections() const { return origin_.rejections + time_report().rejections; }
+// Clusters count on from those of their checkpoint.
+std::int64_t Run::rejections() const {
+  return (clusters_ ? 0 : origin_.rejections) + time_report().rejections;
+}
+long Run::rhs_evaluations() const {
+  return clusters_ ? time_report().rhs_evaluations
+                   : origin_.evaluations + integrator_->report().rhs_evaluations;
+}
 
 int Run::advance(Summary& summary) {
   Progress progress(options_.text("progress"), "");
@@ -361,24 +382,26 @@ void Run::advance_whole(Progress& progress) {
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
-  const RunControl::Decision decision = control_->after(step.index, step.t);
-  if (file_ && decision.checkpoint) write_checkpoint_at(step);
+  const bool plate_is_over = halts(scene_) && plate_.at(step.t) >= plate_.end;
+  const RunControl::Decision decision = control_->after(step.index, step.t, plate_is_over);
+  if (file_ && decision.checkpoint) write_checkpoint_at(step.index, step.t, step.next_dt, step.u);
   if (decision.stop) return Integrator::Verdict::stop;
   return file_ && decision.restart ? Integrator::Verdict::restart : Integrator::Verdict::go_on;
 }
 
-void Run::write_checkpoint_at(const Integrator::Step& step) {
+void Run::write_checkpoint_at(std::int64_t step, double t, double next_dt, Vec u) {
   control_->checkpoint_written();
   file_->flush();
   Checkpoint c;
-  c.t = step.t;
-  c.dt = step.next_dt;
-  c.step = step.index;
+  c.t = t;
+  c.dt = next_dt;
+  c.step = step;
   for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
   const NodeRange nodes = NodeRange::of(problem_.model);
-  Origin reached = {true,       step.t,       step.next_dt,
-                    step.index, rejections(), origin_.evaluations + problem_.model.rhs_evaluations()};
-  archive(Archive::to(c, nodes), reached, step.u);
+  Origin reached = {true, t, next_dt, step, rejections(), rhs_evaluations()};
+  Archive to = Archive::to(c, nodes);
+  archive(to, reached, u);
+  if (clusters_) clusters_->archive(to);
   last_checkpoint_ =
       write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_, c,
                        NodeRange::of(problem_.model), options_.text("out_writers") == "root");
@@ -409,6 +432,7 @@ Columns<RunWork> work_columns(bool ran) {
   const Columns<RunWork> of_run = {
       {"t_end", "time", "where the run ended", [](W w) { return w.report.t; }},
       {"steps", "1", "steps accepted", [](W w) { return w.report.steps; }},
+      {"plate_time", "time", "with `load_halt`: what the plate's clock shows then", &RunWork::plate_time},
       {"rejections", "1", "steps taken back for their error", &RunWork::rejections},
       {"rhs_evaluations", "1", "evaluations of the right-hand side, or of a part of it where steps are split",
        &RunWork::rhs_evaluations},
@@ -428,11 +452,11 @@ Columns<RunWork> work_columns(bool ran) {
 
 RunWork Run::work() const {
   const TimeReport& r = time_report();
-  RunWork work{r, rejections(), origin_.evaluations + r.rhs_evaluations, problem_.model.unknowns(),
-               problem_.what};
+  RunWork work{r, rejections(), rhs_evaluations(), problem_.model.unknowns(), problem_.what};
+  if (halts(scene_)) work.plate_time = plate_.at(r.t);
   if (clusters_) {
-    work.clusters = clusters_->clusters;
-    work.node_steps = clusters_->node_steps;
+    work.clusters = clusters_->most_at_once();
+    work.node_steps = clusters_->node_steps();
   }
   return work;
 }
@@ -451,8 +475,7 @@ void Run::report(Summary& summary, bool complete) {
       summary.set("regime_reason", "with stick_clusters no step is one of the whole medium");
     } else {
       verdict = step_audit_->verdict(problem_.u);
-      const NearestGrowth near =
-          nearest_growth(problem_.model, *verdict, origin_.evaluations + r.rhs_evaluations);
+      const NearestGrowth near = nearest_growth(problem_.model, *verdict, rhs_evaluations());
       regime_->know(near.growth, near.taken, near.why_not, near.beyond);
     }
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);

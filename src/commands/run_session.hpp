@@ -13,6 +13,7 @@
 #include "output/maxima.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/archive.hpp"
 #include "stickslip/output/displacement.hpp"
@@ -36,6 +37,7 @@ struct RunWork {
   PetscInt unknowns;
   std::string reduced;
   std::optional<std::int64_t> clusters = {}, node_steps = {};  // with stick_clusters
+  std::optional<double> plate_time = {};                       // with load_halt
 };
 // `ran`: not only checked.
 Columns<RunWork> work_columns(bool ran = true);
@@ -76,7 +78,7 @@ class Run {
   // has). Not what -accuracy measures, which a restart does not.
   void archive(Archive a, Origin& at, Vec state);
   void restore(const Checkpoint& checkpoint);
-  void make_integrator();
+  void make_integrator(const std::optional<Checkpoint>& checkpoint);
   void limit_steps();
   ObservationPlan plan();
   void open_file();
@@ -84,12 +86,14 @@ class Run {
   void advance_whole(Progress& progress);
   // Where only what slides is advanced (run_clusters.cpp): whether it is; UsageError where it cannot be.
   bool takes_clusters() const;
-  void set_up_clusters();
-  ClusterPlan cluster_plan();
+  void set_up_clusters(const std::optional<Checkpoint>& checkpoint);
+  ClusterPlan cluster_plan() const;
   void advance_clusters(Progress& progress);
+  bool goes_on(std::int64_t steps, double t);
   const TimeReport& time_report() const { return clusters_ ? clusters_->report : integrator_->report(); }
-  void write_checkpoint_at(const Integrator::Step& step);
+  void write_checkpoint_at(std::int64_t step, double t, double next_dt, Vec u);
   std::int64_t rejections() const;
+  long rhs_evaluations() const;
   RunWork work() const;
   int ending(Summary& summary) const;
   void report(Summary& summary, bool complete);
@@ -97,8 +101,9 @@ class Run {
 
   const Options& options_;
   const Provenance provenance_;
-  Scene scene_;                                 // the whole
-  Problem problem_;                             // what is solved for it
+  Scene scene_;      // the whole
+  Problem problem_;  // what is solved for it
+  Plate plate_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;          // one of them
@@ -107,8 +112,8 @@ class Run {
   Origin origin_;
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;
-  std::optional<ClusterRun> clusters_;  // with stick_clusters, which takes the steps then
-  Catalogue* catalogue_ = nullptr;      // one of the observers, with out_events
+  std::unique_ptr<ClusterRun> clusters_;  // with stick_clusters, which takes the steps then
+  Catalogue* catalogue_ = nullptr;        // one of the observers, with out_events
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;
   // with -accuracy: reading the clock is a call of the system, which short steps would feel

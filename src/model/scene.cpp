@@ -10,6 +10,7 @@
 
 #include "base/failure.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/plate.hpp"
 
 namespace stickslip {
 
@@ -268,12 +269,52 @@ void read_profiles(const Options& o, Scene& s) {
   (void)Friction::along(f, places);
 }
 
+// Whether friction drops as a node begins to slip, everywhere.
+bool drops_at_release(const Scene& s) {
+  const auto drops = [](const Friction& law) {
+    const double state = 1, limit = law.threshold(state).value;
+    return limit - law.sliding_partials(0, state, 1).F > 1e-9 * limit;
+  };
+  if (!s.friction.varies()) return drops(*Friction::of(s.friction));
+  FrictionPlaces places;
+  for (PetscInt i = 0; i < s.n; ++i) places.push_back({s.x(i)});
+  const auto laws = Friction::along(s.friction, places);
+  return std::all_of(laws.begin(), laws.end(), [&](const auto& law) { return drops(*law); });
+}
+
+// A plate that halts, plate.hpp.
+Load read_halt(const Options& o, const Scene& s) {
+  const auto refuse_halt = [](const std::string& why) {
+    throw UsageError("-load_halt true: the plate stands while a node slips, and " + why);
+  };
+  if (o.command() == "fit") refuse_halt("a course that was measured is of a plate that goes on");
+  if (s.load.varies())
+    refuse_halt(
+        "all that counts is how far it has come from one slip to the next; leave load_v and load_sine_* out, "
+        "with which only its clock would go otherwise");
+  if (!s.friction.sticks())
+    refuse_halt((s.friction.jumps_at_rest() ? "regularised" : o.text("friction_law")) +
+                " friction lets none rest, so that it would stand for ever; take a law with a threshold and "
+                "-friction_stick exact");
+  if (s.massless()) refuse_halt("nothing sticks exactly in a chain without mass (model_m 0)");
+  for (const auto& [end, value] : {std::pair{s.left, s.left_value}, {s.right, s.right_value}})
+    if (end == End::velocity && value != 0)
+      refuse_halt("an end that is held at the velocity " + number_text(value) +
+                  " always does; hold it at 0, or leave it free");
+  if (!drops_at_release(s))
+    refuse_halt(
+        "friction that does not drop as slip begins lets no node go that is pulled no further than its "
+        "threshold; take friction_law coulomb with friction_fd below friction_fs, or carlson-langer with "
+        "friction_sigma above 0");
+  return halting_load(s.v);
+}
+
 void read_load(const Options& o, Scene& s) {
-  const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period"};
+  const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period", "load_halt"};
   if (!o.command().empty() && o.command() != "run" && o.command() != "sweep" && o.command() != "fit")
-    refuse(
-        o, names,
-        "the command " + o.command() + " knows a constant velocity of the plate alone; `run` takes a load");
+    refuse(o, names,
+           "the command " + o.command() +
+               " knows a constant velocity of the plate alone; `run` takes a load, and halts it");
   if (o.is_set("load_sine_period") != o.is_set("load_sine_amplitude"))
     throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] +
                      ": a sine needs load_sine_amplitude and " + "load_sine_period");
@@ -281,6 +322,7 @@ void read_load(const Options& o, Scene& s) {
   if (!points.empty() && points.front().first < 0)
     throw UsageError(shown(o, "load_v") + ": times from 0 on, where a run begins");
   s.load = Load(s.v, points, o.real("load_sine_amplitude"), o.real("load_sine_period"));
+  if (o.boolean("load_halt")) s.load = read_halt(o, s);
 }
 
 void read_ends(const Options& o, Scene& s) {

@@ -213,6 +213,8 @@ void load_options(TableBuilder& t) {
       .unit("velocity");
   t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
   t.positive("load_sine_period", "1", "run: its period", "time").where_not_zero("load_sine_amplitude");
+  t.boolean("load_halt", "false",
+            "run: the plate, and its clock, stand while any node slips (friction that sticks exactly)");
 }
 
 void contact_options(TableBuilder& t) {
@@ -302,6 +304,10 @@ void time_options(TableBuilder& t) {
   t.add("ts_max_wall", OptionType::wall_time, "",
         "wall clock after which the run ends, with a checkpoint to go on from")
       .unset("unlimited")
+      .read_by("run");
+  t.positive("ts_max_plate", "", "with load_halt: the run ends where the plate's clock shows this", "time")
+      .unset("none")
+      .where("load_halt", {"true"})
       .read_by("run");
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method, or rosw:ra34pw2, takes implicitly");

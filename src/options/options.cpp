@@ -93,7 +93,7 @@ Options Options::with(const std::string& name, double value) const { return with
 
 Options Options::resumed_from(const std::map<std::string, std::string>& stored) const {
   const auto may_differ = [](const std::string& name) {
-    static const std::set<std::string> names = {"ts_max_time", "ts_max_steps", "ts_max_wall",
+    static const std::set<std::string> names = {"ts_max_time", "ts_max_steps", "ts_max_wall", "ts_max_plate",
                                                 "summary",     "progress",     "restart"};
     return names.count(name) || name.rfind("out_", 0) == 0 || only_looks(name);
   };
@@ -120,7 +120,7 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
     if (it == stored.end() || it->second != text)
       throw usage_error(
           "-{} {}: a restart takes its settings from the checkpoint ({}); only ts_max_time, ts_max_steps, "
-          "ts_max_wall, out_*, summary and progress may differ",
+          "ts_max_wall, ts_max_plate, out_*, summary and progress may differ",
           name, quoted(text), it == stored.end() ? "where it is not set" : quoted(it->second));
   }
   return merged;

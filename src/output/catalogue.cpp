@@ -31,6 +31,7 @@ struct EventRow {
   const Scene& scene;
   double weight;
   double rupture_offset;
+  double duration, clock;  // by the run's clock; begin and end are by the plate's, where that halts
 };
 
 const std::vector<RowColumn<EventRow>>& event_columns() {
@@ -63,28 +64,44 @@ const std::vector<RowColumn<EventRow>>& event_columns() {
   return columns;
 }
 
-// With what is written of ruptures.
-const std::vector<RowColumn<EventRow>>& with_fronts() {
+// Where the plate has a clock of its own.
+const std::vector<RowColumn<EventRow>>& halt_columns() {
   using Row = const EventRow&;
-  static const std::vector<RowColumn<EventRow>> columns = [] {
-    std::vector<RowColumn<EventRow>> all = event_columns();
-    const std::vector<RowColumn<EventRow>> more = {
-        {{"front_speed_right", "length/time",
-          "with `out_rupture`: speed of the front to the right of the first node, null (NaN) without one"},
-         [](Row r) { return front_of(r.event, r.scene, 1).speed; }},
-        {{"front_speed_right_error", "length/time", "its standard error"},
-         [](Row r) { return front_of(r.event, r.scene, 1).error; }},
-        {{"front_speed_left", "length/time",
-          "with `out_rupture`: speed of the front to the left of it, negative while it runs to the left"},
-         [](Row r) { return front_of(r.event, r.scene, -1).speed; }},
-        {{"front_speed_left_error", "length/time", "its standard error"},
-         [](Row r) { return front_of(r.event, r.scene, -1).error; }},
-        {{"rupture_offset", "1", "with `out_rupture`: the event's first row of `events/rupture`"},
-         [](Row r) { return r.rupture_offset; }}};
-    all.insert(all.end(), more.begin(), more.end());
-    return all;
-  }();
+  static const std::vector<RowColumn<EventRow>> columns = {
+      {{"duration", "time", "with `load_halt`: how long it takes by the run's clock"},
+       [](Row r) { return r.duration; }},
+      {{"clock", "time", "with `load_halt`: when it ends by the run's clock, that of frames and series"},
+       [](Row r) { return r.clock; }}};
   return columns;
+}
+
+// What is written of ruptures.
+const std::vector<RowColumn<EventRow>>& front_columns() {
+  using Row = const EventRow&;
+  static const std::vector<RowColumn<EventRow>> columns = {
+      {{"front_speed_right", "length/time",
+        "with `out_rupture`: speed of the front to the right of the first node, null (NaN) without one"},
+       [](Row r) { return front_of(r.event, r.scene, 1).speed; }},
+      {{"front_speed_right_error", "length/time", "its standard error"},
+       [](Row r) { return front_of(r.event, r.scene, 1).error; }},
+      {{"front_speed_left", "length/time",
+        "with `out_rupture`: speed of the front to the left of it, negative while it runs to the left"},
+       [](Row r) { return front_of(r.event, r.scene, -1).speed; }},
+      {{"front_speed_left_error", "length/time", "its standard error"},
+       [](Row r) { return front_of(r.event, r.scene, -1).error; }},
+      {{"rupture_offset", "1", "with `out_rupture`: the event's first row of `events/rupture`"},
+       [](Row r) { return r.rupture_offset; }}};
+  return columns;
+}
+
+std::vector<RowColumn<EventRow>> columns_with(bool halt, bool ruptures) {
+  std::vector<RowColumn<EventRow>> all = event_columns();
+  const auto add = [&](const std::vector<RowColumn<EventRow>>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+  };
+  if (halt) add(halt_columns());
+  if (ruptures) add(front_columns());
+  return all;
 }
 
 }  // namespace
@@ -164,18 +181,18 @@ void Recurrence::archive(Archive& a) {
   a.nodes("events.last_of_nodes", {&last_of_});
 }
 
-std::vector<Field> Catalogue::columns(bool ruptures) {
-  return fields_of(ruptures ? with_fronts() : event_columns());
+std::vector<Field> Catalogue::columns(bool halt, bool ruptures) {
+  return fields_of(columns_with(halt, ruptures));
 }
 
 std::vector<Field> Catalogue::rupture_columns() {
   return {{"x", "length", "position of a node of the event, from the left end of its region on"},
-          {"time", "time", "time at which it first slips in this event"}};
+          {"time", "time", "time at which it first slips in this event (by the run's clock)"}};
 }
 
 void Catalogue::plan(ObservationPlan& plan) {
   begin_ = MPI_Wtime();
-  plan.layout.events = columns(ruptures_);
+  plan.layout.events = columns(halts(model_.scene()), ruptures_);
   if (ruptures_) plan.layout.rupture = rupture_columns();
 }
 
@@ -192,24 +209,34 @@ void Catalogue::record(const SlipEvent& event) {
   enter(event);
 }
 
-void Catalogue::enter(const SlipEvent& event) {
+void Catalogue::enter(const SlipEvent& ended) {
+  const Scene& scene = model_.scene();
+  SlipEvent event = ended;
+  if (halts(scene)) event.begin = event.end = plate_.at(ended.end);  // meanwhile the plate stood
   magnitudes_.add(std::log(event.moment));
   largest_moment_ = std::max(largest_moment_, event.moment);
   largest_extent_ = std::max(largest_extent_, double(event.count));
   recurrence_.add(event);
   if (!file_) return;
-  const Scene& scene = model_.scene();
-  const EventRow about{event, scene, scene.form == Form::chain ? 1 : scene.h(),
-                       double(file_->rows("events/rupture"))};
-  const std::vector<double> row = numbers_of(ruptures_ ? with_fronts() : event_columns(), about);
+  const EventRow about{event,
+                       scene,
+                       scene.form == Form::chain ? 1 : scene.h(),
+                       double(file_->rows("events/rupture")),
+                       ended.end - ended.begin,
+                       ended.end};
+  const std::vector<double> row = numbers_of(columns_with(halts(scene), ruptures_), about);
   for (std::size_t k = 0; k < event.rupture.size(); ++k)
-    file_->row("events/rupture", event.end,
+    file_->row("events/rupture", ended.end,
                {scene.x((event.left + PetscInt(k)) % scene.n), event.rupture[k]});
   file_->row("events", event.end, row);  // once its nodes are there
 }
 
 void Catalogue::archive(Archive& a) {
-  if (a.has("events.last")) events_.archive(a);
+  if (is_told_) {
+    a("events.told", told_);
+  } else if (a.has("events.last")) {
+    events_.archive(a);
+  }
   magnitudes_.archive(a);
   recurrence_.archive(a);
   if (a.has("events.largest")) a("events.largest", largest_moment_, largest_extent_);

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/output/events.hpp"
 #include "stickslip/output/observer.hpp"
 
@@ -65,12 +65,14 @@ class Recurrence {
 class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
-  Catalogue(const Model& model, double velocity, bool ruptures)
-      : model_(model), ruptures_(ruptures), events_(model.scene(), velocity, NodeRange::of(model), ruptures),
+  Catalogue(const Model& model, double velocity, bool ruptures, const Plate& plate)
+      : model_(model), plate_(plate), ruptures_(ruptures),
+        events_(model.scene(), velocity, NodeRange::of(model), ruptures),
         recurrence_(NodeRange::of(model), model.scene()) {}
 
-  static std::vector<Field> columns(bool ruptures);  // of `events`
-  static std::vector<Field> rupture_columns();       // of `events/rupture`
+  // Of `events`; `halt`: of a plate that does (plate.hpp), whose clock then is that of their times.
+  static std::vector<Field> columns(bool halt, bool ruptures);
+  static std::vector<Field> rupture_columns();  // of `events/rupture`
 
   // From now on events come by record(), in order of their ends, and steps show none.
   void take_events() { is_told_ = true; }
@@ -86,6 +88,7 @@ class Catalogue : public Observer {
   void enter(const SlipEvent& event);
 
   const Model& model_;
+  const Plate& plate_;
   bool ruptures_;
   Events events_;
   bool is_told_ = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <stdexcept>
 
 #include "stickslip/model/stencil.hpp"
 
@@ -33,8 +34,14 @@ void ClusterEvents::step(const MovedNodes& m) {
     const double squares = dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
     const double given = dt / 6 * (p0 * e0 + 4 * p * e + p1 * e1);
     slip_[i] += dt / 6 * (p0 + 4 * p + p1);
-    live->event.friction_work += weight_ * (given - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
-    live->event.radiated += weight_ * damping_ * squares;
+    double viscous = 0;  // what neighbours give it
+    if (m.begin.viscous) {
+      const double v0 = m.begin.viscous[k], v1 = m.end.viscous[k];
+      const double v = (v0 + v1) / 2 + dt / 8 * (m.begin.viscous_rate[k] - m.end.viscous_rate[k]);
+      viscous = dt / 6 * (p0 * v0 + 4 * p * v + p1 * v1);
+    }
+    live->event.friction_work += weight_ * (given + viscous - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
+    live->event.radiated += weight_ * (damping_ * squares - viscous);
     live->kinetic_now += weight_ / (2 * A) * (p1 * p1 - squares_[i]);
     squares_[i] = p1 * p1;
   }
@@ -78,7 +85,9 @@ void ClusterEvents::change(double t, const std::vector<PetscInt>& starts, const 
 
 void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt)>& eta) {
   SlipEvent e = regions_.live().at(id).event;
-  const double travelled = scene_.K0() * scene_.v * (t - e.begin);
+  const Load& load = scene_.load;
+  const double way = load.varies() ? load.integral(t) - load.integral(e.begin) : scene_.v * (t - e.begin),
+               travelled = scene_.K0() * way;
   EventSums sums;
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) {
     double change = travelled - scene_.K0() * slip_[i];
@@ -93,6 +102,37 @@ void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt
   ended_.push_back(e);
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) { owner_[i] = -1; });
   regions_.end(id);
+}
+
+void ClusterEvents::archive(Archive& a) {
+  struct Kept {
+    int id = 0;
+    LiveEvent live = {};
+  };
+  std::vector<Kept> events;
+  for (const auto& [id, live] : regions_.live()) events.push_back({id, live});
+  int next_id = regions_.next_id();
+  a.list("events.of_clusters", [&](NumberList& x) {
+    x(next_id);
+    x.rest(events, [&](Kept& kept) {
+      LiveEvent& l = kept.live;
+      SlipEvent& e = l.event;
+      x(kept.id, e.begin, e.first, e.left, e.count, e.kinetic, e.friction_work, e.radiated, l.kinetic_now,
+        l.sliding);
+    });
+  });
+  std::vector<std::vector<double>*> lists = {&slip_, &squares_};
+  if (!rupture_.empty()) lists.push_back(&rupture_);
+  a.nodes("events.of_cluster_nodes", lists);
+  if (!a.restores()) return;
+  regions_.number_from(next_id);
+  for (const Kept& kept : events) {
+    const SlipEvent& e = kept.live.event;
+    if (e.left < 0 || e.left >= scene_.n || e.count < 1 || e.count > scene_.n)
+      throw std::runtime_error("its events under way are not whole");
+    regions_.put(kept.id, kept.live);
+    regions_.for_nodes(kept.id, 0, scene_.n, [&](PetscInt i) { owner_[i] = kept.id; });
+  }
 }
 
 std::vector<SlipEvent> ClusterEvents::ended() {

@@ -1,7 +1,5 @@
 // The catalogue of slip events (events.hpp) of a run in which only what slides is advanced: fed with the
 // steps of clusters and with the nodes that start and stop, so that an event costs what its own nodes cost.
-// For friction that sticks exactly, of order 2, without a state, viscosity between neighbours, load and held
-// ends.
 //
 // The numbers are those of `Events` but for how they are had. eta before an event is eta behind it less (K1
 // D2 - K0) d and less K0 times the plate's way, so no field is remembered; the work of friction is that of
@@ -14,6 +12,7 @@
 
 #include "model/moved_nodes.hpp"
 #include "output/regions.hpp"
+#include "stickslip/output/archive.hpp"
 
 namespace stickslip {
 
@@ -26,6 +25,7 @@ class ClusterEvents {
   void change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops,
               const std::function<double(PetscInt)>& eta);
   std::vector<SlipEvent> ended();  // since the last call, in order of the ends
+  void archive(Archive& a);        // what is under way; asked for when no events wait for that call
 
  private:
   PetscInt beside(PetscInt node, int side) const;  // -1: none

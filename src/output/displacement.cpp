@@ -18,7 +18,7 @@ constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a fa
 
 }  // namespace
 
-Displacement::Displacement(const Model& model) : model_(model) {
+Displacement::Displacement(const Model& model, const Plate& plate) : model_(model), plate_(plate) {
   const Scene& s = model.scene();
   if (s.K0() == 0 && !s.any_held())
     throw UsageError(
@@ -94,9 +94,16 @@ VecHandle Displacement::create_vector() const {
 }
 
 void Displacement::solve(Vec u, double t, Vec chi) const {
+  const double travelled = plate_.travel(model_.scene(), t);
+  solve_relative(u, t, travelled, chi);
+  SS_TRY(VecShift(chi, travelled));
+}
+
+// w = chi less how far the plate has come.
+void Displacement::solve_relative(Vec u, double t, double travelled, Vec w) const {
   const Scene& s = model_.scene();
   const bool loaded = s.load.varies();
-  const double damping = s.s_delta() / s.A(), travelled = loaded ? s.load.integral(t) : s.v * t;
+  const double damping = s.s_delta() / s.A();
   const Reading a(u);
   const Writing b(load_);
   for (PetscInt i = 0; i < model_.local(); ++i) {
@@ -105,15 +112,14 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
                                            : -(at[1] + damping * at[0]);
   }
   if (!fetch_) {
-    SS_TRY(KSPSolve(ksp_, load_, chi));
+    SS_TRY(KSPSolve(ksp_, load_, w));
   } else {
     SS_TRY(VecScatterBegin(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
     SS_TRY(VecScatterEnd(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
     SS_TRY(KSPSolve(ksp_, piece_load_, piece_w_));
     const Reading found(piece_w_);
-    std::copy(found + own_, found + own_ + model_.local(), static_cast<double*>(Writing(chi)));
+    std::copy(found + own_, found + own_ + model_.local(), static_cast<double*>(Writing(w)));
   }
-  SS_TRY(VecShift(chi, travelled));
 }
 
 bool Displacement::has_energy() const { return !model_.scene().any_held(); }
@@ -121,7 +127,7 @@ bool Displacement::has_energy() const { return !model_.scene().any_held(); }
 Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
   const double damping = s.s_delta() / s.A(), v = model_.plate_velocity(t);
-  solve(u, 0, w_);  // chi at time 0 is w
+  solve_relative(u, 0, 0, w_);
   VecHandle viscous;
   if (model_.viscous()) {
     viscous = model_.create_vector();

@@ -29,7 +29,9 @@ EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable&
   EarlierRows source;
   source.datasets.resize(table.columns.size());
   if (!exists(old, table.path("t"))) return source;
-  const std::vector<double> times = read_reals(old, table.path("t"));
+  // of events whose times are by the plate's clock (load_halt): that of the run
+  const bool has_clock = exists(old, table.path("clock"));
+  const std::vector<double> times = read_reals(old, table.path(has_clock ? "clock" : "t"));
   const auto later = std::find_if(times.begin(), times.end(),
                                   [&](double t) { return strictly ? !(t < until) : !(t <= until); });
   source.rows = static_cast<hsize_t>(later - times.begin());

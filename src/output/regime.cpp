@@ -226,9 +226,10 @@ void Regime::summarise(Summary& summary, Vec u) {
   const Measured& m = result(u);
   summary.set("regime", to_string(m.motion));
   if (impl_->model.scene().load.varies())
-    summary.set("regime_reason",
-                "the plate's velocity varies (load_v, load_sine_amplitude): sliding, stick-slip and the "
-                "like are said of a constant one");
+    summary.set(
+        "regime_reason",
+        "the plate's velocity varies (load_v, load_sine_amplitude, load_halt): sliding, stick-slip and the "
+        "like are said of a constant one");
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);

@@ -22,11 +22,11 @@ FieldStatistics statistics(const Model& model, Vec u) {
 struct Series::Row {
   FieldStatistics fields;
   const ObservedStep& step;
-  double v;
+  double v, plate_time;
   Energy energy;  // of the whole scene
 };
 
-std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool energy) {
+std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool energy) {
   std::vector<RowColumn<Row>> columns = {
       {{"psi_mean", "length/time", "mean of psi over the nodes"},
        [](const Row& r) { return r.fields.psi_mean; }},
@@ -38,6 +38,8 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool energy) {
       {{"rejections", "1", "rejected steps so far"}, [](const Row& r) { return double(r.step.rejections); }}};
   const std::vector<RowColumn<Row>> of_load = {
       {{"v", "length/time", "velocity of the driving plate"}, [](const Row& r) { return r.v; }}};
+  const std::vector<RowColumn<Row>> of_halt = {{{"plate_time", "time", "with `load_halt`: the plate's clock"},
+                                                [](const Row& r) { return r.plate_time; }}};
   const std::vector<RowColumn<Row>> of_energy = {
       // see displacement.hpp
       {{"energy_kinetic", "amplitude*length", "kinetic energy in units of the friction amplitude"},
@@ -51,26 +53,28 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool energy) {
       {{"power_viscous", "amplitude*length/time", "power lost in damping"},
        [](const Row& r) { return r.energy.viscous; }}};
   if (load) columns.insert(columns.end(), of_load.begin(), of_load.end());
+  if (halt) columns.insert(columns.end(), of_halt.begin(), of_halt.end());
   if (energy) columns.insert(columns.end(), of_energy.begin(), of_energy.end());
   return columns;
 }
 
-Series::Series(const Model& model, const Scene& whole, const Displacement* displacement)
-    : model_(model), displacement_(displacement && displacement->has_energy() ? displacement : nullptr) {
+Series::Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate)
+    : model_(model), plate_(plate),
+      displacement_(displacement && displacement->has_energy() ? displacement : nullptr) {
   const Scene& cell = model.scene();
   const PetscInt blocks = whole.n / cell.n;  // whole cells
   if (displacement && !displacement_)
     warn("out_series: the series hold no energies and powers with a held end, which works on the system too");
   cells_ = whole.form == Form::chain ? blocks : whole.length / cell.length;
-  columns_ = columns(cell.load.varies(), displacement_ != nullptr);
+  columns_ = columns(cell.load.varies(), halts(cell), displacement_ != nullptr);
 }
 
-std::vector<Field> Series::fields() { return fields_of(columns(true, true)); }
+std::vector<Field> Series::fields() { return fields_of(columns(true, true, true)); }
 
 void Series::plan(ObservationPlan& plan) { plan.layout.series = fields_of(columns_); }
 
 void Series::step(const ObservedStep& step) {
-  Row row{statistics(model_, step.u), step, model_.plate_velocity(step.t), {}};
+  Row row{statistics(model_, step.u), step, model_.plate_velocity(step.t), plate_.at(step.t), {}};
   if (displacement_) {
     const Energy e = displacement_->energy(step.u, step.t);
     row.energy = {cells_ * e.kinetic, cells_ * e.elastic, cells_ * e.input, cells_ * e.friction,

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "output/row_columns.hpp"
-#include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/probe.hpp"
@@ -20,8 +20,8 @@ FieldStatistics statistics(const Model& model, Vec u);  // collective
 // series/...: statistics, the step and, where the displacement is known, the energy balance.
 class Series : public Observer {
  public:
-  // `displacement`: nullptr, or the caller's.
-  Series(const Model& model, const Scene& whole, const Displacement* displacement);
+  // `displacement`: nullptr, or the caller's; `plate` is.
+  Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate);
 
   static std::vector<Field> fields();  // all that there may be
 
@@ -31,10 +31,11 @@ class Series : public Observer {
 
  private:
   struct Row;
-  // `load`: it varies; `energy`: its balance is known.
-  static std::vector<RowColumn<Row>> columns(bool load, bool energy);
+  // `load`: it varies; `halt`: the plate has a clock of its own; `energy`: its balance is known.
+  static std::vector<RowColumn<Row>> columns(bool load, bool halt, bool energy);
 
   const Model& model_;
+  const Plate& plate_;
   std::vector<RowColumn<Row>> columns_;
   const Displacement* displacement_;  // nullptr without a balance of energy
   double cells_;                      // equal ones in the whole scene

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "stickslip/model/friction.hpp"
-#include "stickslip/model/load.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
@@ -41,8 +41,9 @@ void add_profiles(const Scene& scene, RunLayout& layout) {
 }
 
 // From which, and the options of its sine, v(t) and the plate's way follow exactly.
-void add_load(const Load& load, RunLayout& layout) {
-  if (!load.varies()) return;
+void add_load(const Scene& scene, RunLayout& layout) {
+  const Load& load = scene.load;
+  if (!load.varies() || halts(scene)) return;
   constexpr double before_all = -std::numeric_limits<double>::infinity();
   for (double t = load.next_corner(before_all); std::isfinite(t); t = load.next_corner(t)) {
     const int behind = load.piece_from(t);
@@ -66,7 +67,7 @@ RunLayout run_layout(const Scene& scene) {
                     {"s_delta", scene.s_delta()},
                     {"v", scene.v}};
   add_profiles(scene, layout);
-  add_load(scene.load, layout);
+  add_load(scene, layout);
   if (scene.friction.varies()) return layout;  // no one law for all
   const auto friction = Friction::of(scene.friction);
   for (const double psi : table_velocities()) {

@@ -8,69 +8,120 @@ namespace stickslip {
 
 namespace {
 
-constexpr std::int64_t seldom = 64;  // steps of clusters from one question to the next
-
-// What clusters do, for the catalogue.
-class Told : public Clusters::Watcher {
- public:
-  Told(const Scene& scene, const ClusterPlan& plan) : events_(scene, plan.ruptures), take_(plan.event) {}
-  void know(const Clusters& clusters) { clusters_ = &clusters; }
-
-  void step(const MovedNodes& nodes) override { events_.step(nodes); }
-  void change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops) override {
-    events_.change(t, starts, stops, [&](PetscInt i) { return clusters_->eta_at_rest(i, t); });
-    for (const SlipEvent& event : events_.ended()) take_(event);
-  }
-
- private:
-  ClusterEvents events_;
-  const std::function<void(const SlipEvent&)>& take_;
-  const Clusters* clusters_ = nullptr;  // known before anything stops
-};
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-void simulate_clusters(const Model& model, Vec u, const ClusterPlan& plan, ClusterRun& done) {
+// What clusters do, for the catalogue, which is told of an event when its end lies behind: so the rows of a
+// file up to the time of a checkpoint, but not those at that time, are known to it, as with whole steps.
+class ClusterRun::Told : public Clusters::Watcher {
+ public:
+  Told(const Scene& scene, bool ruptures, const Clusters& clusters)
+      : events_(scene, ruptures), clusters_(clusters) {}
+
+  void step(const MovedNodes& nodes) override { events_.step(nodes); }
+  void change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops) override {
+    tell_until(t);
+    events_.change(t, starts, stops, [&](PetscInt i) { return clusters_.eta_at_rest(i, t); });
+    for (SlipEvent& event : events_.ended()) ended_.push_back(std::move(event));
+  }
+  void tell_until(double t) {
+    const auto later =
+        std::find_if(ended_.begin(), ended_.end(), [&](const SlipEvent& e) { return e.end >= t; });
+    for (auto event = ended_.begin(); event != later && take; ++event) take(*event);
+    ended_.erase(ended_.begin(), later);
+  }
+  void archive(Archive& a) {
+    events_.archive(a);
+    a.list("events.ended_in_clusters", [&](NumberList& x) {
+      x.rest(ended_, [&](SlipEvent& e) {
+        std::size_t ruptures = e.rupture.size();
+        x(e.begin, e.end, e.first, e.left, e.count, e.direction, e.slip, e.moment, e.stress_drop,
+          e.strain_energy, e.friction_work, e.radiated, e.kinetic, ruptures);
+        e.rupture.resize(ruptures);
+        x(e.rupture);
+      });
+    });
+  }
+
+  std::function<void(const SlipEvent&)> take;
+
+ private:
+  ClusterEvents events_;
+  std::vector<SlipEvent> ended_;  // in order of their ends
+  const Clusters& clusters_;
+};
+
+ClusterRun::ClusterRun(const Model& model, double atol, double rtol, Wanted wanted)
+    : model_(model), clusters_(model, atol, rtol) {
+  if (wanted.events) told_ = std::make_unique<Told>(model.scene(), wanted.ruptures, clusters_);
+}
+ClusterRun::~ClusterRun() = default;
+
+void ClusterRun::archive(Archive& a) {
+  clusters_.archive(a);
+  a("clusters.shown", shown_);
+  if (told_) told_->archive(a);
+  resumed_ = a.restores();
+}
+
+void ClusterRun::update(double t) {
+  report.t = t;
+  report.steps = clusters_.steps();
+  report.rejections = clusters_.rejections();
+  report.rhs_evaluations = clusters_.evaluations();
+}
+
+void ClusterRun::show(const ClusterPlan& plan, Vec u, double t) {
+  update(t);
+  const VecHandle at = model_.create_vector();
+  SS_TRY(VecCopy(u, at));
+  const std::function<void(double, Vec)> copy = [&](double, Vec into) { SS_TRY(VecCopy(at, into)); };
+  for (Observer* observer : plan.observers)
+    observer->step({report.steps, shown_, t, u, report.rejections, copy});
+  shown_ = t;
+}
+
+void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
   const TimeSpan& span = plan.span;
-  Told told(model.scene(), plan);
-  Clusters clusters(model, u, span.begin, plan.atol, plan.rtol, plan.event ? &told : nullptr);
-  told.know(clusters);
-  const VecHandle at = model.create_vector();
-  TimeReport& report = done.report;
-  const auto update = [&](double t) {
-    report.t = t;
-    report.steps = clusters.steps();
-    report.rejections = clusters.rejections();
-    report.rhs_evaluations = clusters.evaluations();
-    done.node_steps = clusters.node_steps();
-    done.clusters = std::int64_t(clusters.most_at_once());
-  };
-  const auto show = [&](double before, double t) {
-    update(t);
-    SS_TRY(VecCopy(u, at));
-    const std::function<void(double, Vec)> copy = [&](double, Vec into) { SS_TRY(VecCopy(at, into)); };
-    for (Observer* observer : plan.observers)
-      observer->step({report.steps, before, t, u, report.rejections, copy});
-  };
+  if (told_) told_->take = plan.event;
+  clusters_.watch(told_.get());
+  if (!resumed_) {
+    shown_ = span.begin;
+    clusters_.start(u, span.begin);
+    show(plan, u, span.begin);
+  }
   bool stops = false;
-  std::int64_t asked = 0;
-  const auto go_on = [&](std::int64_t steps, double t) {
-    if (steps < asked + seldom) return true;
-    asked = steps;
+  std::int64_t asked = clusters_.steps();
+  const auto ask = [&](double t) {
     update(t);
-    return !(stops = !plan.go_on(steps, t));
+    if (told_) told_->tell_until(t);
+    stops = !plan.go_on(report.steps, t);
   };
-  show(span.begin, span.begin);
+  const auto go_on = [&](std::int64_t steps, double t) {
+    if (steps < asked + plan.ask_every) return true;
+    asked = steps;
+    ask(t);
+    return !stops;
+  };
   for (double t = span.begin; t < span.end;) {
     const double wanted = std::min(plan.next_time(t), span.end),
-                 reached = clusters.advance(wanted, span.most_steps, go_on);
-    clusters.solution(reached, u);
-    if (reached > t) show(t, reached);
-    t = reached;
-    if (t == wanted) continue;
+                 reached = clusters_.advance(wanted, span.most_steps, go_on);
+    update(reached);
+    if (reached == wanted) {
+      clusters_.solution(reached, u);
+      show(plan, u, reached);
+      t = reached;
+      continue;
+    }
+    if (!stops) ask(reached);  // after the last step
+    if (told_) told_->tell_until(infinity);
+    clusters_.solution(reached, u);
     report.reason = stops ? "stopped" : "ts_max_steps";
     return;
   }
+  ask(span.end);
+  if (told_) told_->tell_until(infinity);
   report.reason = "end time";
 }
 

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <vector>
 
 #include "output/cluster_events.hpp"
 #include "stickslip/output/observer.hpp"
@@ -11,24 +13,46 @@
 
 namespace stickslip {
 
-struct ClusterRun {
-  TimeReport report;
-  std::int64_t node_steps = 0;  // steps, each times the nodes of its cluster
-  std::int64_t clusters = 0;    // most at once
-};
-
 struct ClusterPlan {
   TimeSpan span;
-  double atol, rtol;
   std::vector<Observer*> observers;             // see u at span's ends and where next_time says
   std::function<double(double t)> next_time;    // the first time later than t
-  std::function<void(const SlipEvent&)> event;  // may be empty: no events are wanted
-  bool ruptures = false;                        // of events, too
-  // Asked now and then with the steps so far and the time: whether to go on.
+  std::function<void(const SlipEvent&)> event;  // takes events as they end, where they are wanted
+  // Asked after so many steps and at the end, with the steps so far and the time: whether to go on.
+  std::int64_t ask_every = 64;
   std::function<bool(std::int64_t steps, double t)> go_on;
 };
 
-// Advances u; `done` is up to date whenever an observer is called, and after a Failure. For one rank.
-void simulate_clusters(const Model& model, Vec u, const ClusterPlan& plan, ClusterRun& done);
+// For one rank.
+class ClusterRun {
+ public:
+  struct Wanted {
+    bool events = false, ruptures = false;
+  };
+  ClusterRun(const Model& model, double atol, double rtol, Wanted wanted);
+  ~ClusterRun();
+
+  // Advances u, from plan.span.begin or from where the checkpoint was; `report` is up to date whenever an
+  // observer or go_on is called, and after a Failure.
+  void advance(Vec u, const ClusterPlan& plan);
+  // Of what a checkpoint holds, asked for within go_on, u is the state at the time reached.
+  void archive(Archive& a);
+  void solution(Vec u) const { clusters_.solution(clusters_.reached(), u); }
+
+  TimeReport report;
+  std::int64_t node_steps() const { return clusters_.node_steps(); }
+  std::int64_t most_at_once() const { return clusters_.most_at_once(); }
+
+ private:
+  class Told;
+  void update(double t);
+  void show(const ClusterPlan& plan, Vec u, double t);
+
+  const Model& model_;
+  Clusters clusters_;
+  std::unique_ptr<Told> told_;  // where events are wanted
+  bool resumed_ = false;
+  double shown_ = 0;  // when the observers last saw u
+};
 
 }  // namespace stickslip

@@ -55,7 +55,8 @@ double steady_start(const Model& model, PetscInt local_node, double psi) {
 void set_held_force(const Model& model, Vec u) {
   const Scene& s = model.scene();
   if (s.form != Form::chain || !(model.held(0) || model.held(s.n - 1))) return;
-  const Displacement displacement(model);
+  const Plate plate;
+  const Displacement displacement(model, plate);
   const VecHandle chi = displacement.create_vector();
   displacement.solve(u, 0, chi);
   const auto is_here = [&](PetscInt node) {

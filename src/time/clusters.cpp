@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/time/stick.hpp"
 
 namespace stickslip {
@@ -14,260 +16,69 @@ using namespace stick_rule;
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by the last one
-constexpr PetscInt apart = 3;                                 // sliding nodes with two between them that rest
 
 }  // namespace
 
-// Unknowns and slopes stand in blocks, psi of all nodes and then eta, each with a place beyond both ends.
-struct Clusters::Cluster {
-  enum Block { now, next, stage, slopes };  // slopes: one each, and behind them that where a step was cut
-  PetscInt first, count;
-  std::size_t stride;  // of a column
-  std::vector<double> blocks, direction, amplitude, limit;
-  double t0 = 0, dt = 0;              // of the step under way, as it was tried
-  double t1 = infinity, next_dt = 0;  // where it ends, and the next one's length
-  bool begun = false, cut = false;    // the first slope is known; something starts or stops at t1
-  std::int64_t number = 0;
-
-  Cluster(PetscInt f, PetscInt c, int stages)
-      : first(f), count(c), stride(std::size_t(c) + 2), blocks(2 * stride * (slopes + stages + 1)),
-        direction(c), limit(c) {}
-  double* block(int b) { return &blocks[2 * stride * b]; }
-  const double* block(int b) const { return &blocks[2 * stride * b]; }
-  double* psi(int b) { return block(b) + 1; }
-  const double* psi(int b) const { return block(b) + 1; }
-  double* eta(int b) { return block(b) + stride + 1; }
-  const double* eta(int b) const { return block(b) + stride + 1; }
-};
-
 std::string Clusters::refusal(const Scene& s) {
   if (!Stick::applies_to(s)) return "friction does not stick exactly";
-  if (s.friction.has_state()) return "friction has a state, which goes on at rest";
-  if (s.nu != 0) return "neighbours have viscosity (model_nu)";
-  if (s.load.varies()) return "the plate's velocity varies (load_v, load_sine_amplitude)";
-  if (s.any_held()) return "an end is held and moves all the time";
-  if (s.order != 2) return "grid_order is not 2";
-  if (s.n < 4) return "there are fewer than four nodes";
+  if (halts(s)) return "the plate halts (load_halt): steps of the whole chain take that";
+  if (s.friction.has_state() && s.load.varies())
+    return "friction has a state, and the plate's velocity varies (load_v, load_sine_amplitude)";
+  if (s.n < 2 * s.order) return "there are fewer than " + std::to_string(2 * s.order) + " nodes";
   return "";
 }
 
 Clusters::~Clusters() = default;
 
-Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher)
-    : model_(model), scene_(model.scene()), n_(scene_.n), ring_(scene_.ring()),
-      both_sides_(scene_.friction.back_slip), atol_(atol), rtol_(rtol), plate_rate_(scene_.K0() * scene_.v),
-      method_(FusedMethod::of(TSRK)), coefficients_(kernel::coefficients_of(scene_)),
-      stencil_(tile::stencil(scene_)),
-      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, n_))),
-      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
-      watcher_(watcher), eta_(n_), since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0),
-      owner_(n_, -1), t_(t), first_dt_(0.1 / wave_frequency(scene_)) {
-  method_->set_subtype(TSRK5DP);
-  tableau_ = tableau_of(method_->library());
-  for (int j = 0; j < tableau_.stages; ++j) error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
+Clusters::Clusters(const Model& model, double atol, double rtol)
+    : model_(model), scene_(model.scene()), n_(scene_.n), reach_(scene_.order / 2), dof_(model.dof()),
+      ring_(scene_.ring()), both_sides_(scene_.friction.back_slip), steps_(model, atol, rtol),
+      resting_(model, [this](PetscInt i, double s) { return steps_.threshold(i, s); }), psi_(n_),
+      direction_(n_, 0), owner_(n_, -1), coefficients_(kernel::coefficients_with(scene_, 1)),
+      psi_rate_(model.viscous() ? n_ : 0), first_dt_(0.1 / wave_frequency(scene_)) {}
+
+void Clusters::start(Vec u, double t) {
   const Reading a(u);
   for (PetscInt i = 0; i < n_; ++i) {
-    limit_.push_back(model.amplitude()[i] * model.friction_law(i).threshold(0).value);
-    psi_[i] = a[2 * i];
-    eta_[i] = a[2 * i + 1];
+    psi_[i] = a[dof_ * i];
+    resting_.set(i, t, a[dof_ * i + 1], dof_ == 3 ? a[dof_ * i + 2] : 0);
     freed_.push_back(i);
   }
   regroup(t);
 }
 
-// ---- a step of one cluster ----
-
-// psi beyond both ends of the cluster: of resting nodes, or of the end of the line or ring.
-void Clusters::close_ends(const Cluster& c, double* psi) const {
-  const PetscInt n = c.count;
-  const bool round = ring_ && n == n_, chain = scene_.form == Form::chain;
-  psi[-1] = round ? psi[n - 1] : !ring_ && c.first == 0 ? psi[chain ? 0 : 1] : 0;
-  psi[n] = round ? psi[0] : !ring_ && c.first + n == n_ ? psi[chain ? n - 1 : n - 2] : 0;
-}
-
-// The right-hand side f of u, blocks of the cluster both.
-void Clusters::take_slope(Cluster& c, double* u, double* f) {
-  double *const psi = u + 1, *const eta = psi + c.stride, *const f_psi = f + 1,
-                *const f_eta = f_psi + c.stride;
-  close_ends(c, psi);
-  stencil_(coefficients_, {psi, f_eta, c.count});
-  for (PetscInt k = 0, end; k < c.count; k = end) {  // the nodes of a ring go on at its beginning
-    const PetscInt i = node(c.first + k);
-    end = std::min(c.count, k + n_ - i);
-    pointwise_(coefficients_, {psi + k, eta + k, nullptr, c.amplitude.empty() ? nullptr : &c.amplitude[k],
-                               f_psi + k, f_eta + k, nullptr, end - k, &c.direction[k], i});
-  }
-  ++evaluations_;
-}
-
-// base + factor sum_j weights[j] slope_j, over both columns.
-void Clusters::sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
-                   double* into) const {
-  constexpr int most_terms = 8;  // of rk:5dp there are seven
-  const double* slopes[most_terms];
-  double of_slopes[most_terms];
-  int terms = 0;
-  for (int j = 0; j < count; ++j) {
-    if (weights[j] == 0) continue;
-    slopes[terms] = c.block(Cluster::slopes + j);
-    of_slopes[terms++] = factor * weights[j];
-  }
-  add_({base, slopes, of_slopes, terms, into, PetscInt(2 * c.stride)});
-}
-
-// Tries a step; its error over what is allowed.
-double Clusters::attempt(Cluster& c, double dt) {
-  const int stages = tableau_.stages;
-  const std::size_t size = 2 * c.stride;
-  const double* const u = c.block(Cluster::now);
-  if (!c.begun) take_slope(c, c.block(Cluster::now), c.block(Cluster::slopes));
-  c.begun = true;
-  for (int i = 1; i < stages; ++i) {  // the last stage is the new u
-    double* const y = c.block(i + 1 < stages ? Cluster::stage : Cluster::next);
-    sum(c, u, &tableau_.A[i * stages], i, dt, y);
-    take_slope(c, y, c.block(Cluster::slopes + i));
-  }
-  double *const error = c.block(Cluster::stage), largest = 0, not_finite = 0;
-  const double* const next = c.block(Cluster::next);
-  std::fill(error, error + size, 0.);
-  sum(c, error, error_weights_.data(), stages, dt, error);
-  for (const std::size_t column : {std::size_t(1), c.stride + 1})
-    for (std::size_t k = column; k < column + std::size_t(c.count); ++k) {
-      largest = std::max(largest,
-                         std::abs(error[k]) / (atol_ + rtol_ * std::max(std::abs(u[k]), std::abs(next[k]))));
-      not_finite += next[k] - next[k];
-    }
-  return not_finite == 0 ? largest : infinity;
-}
-
-// From t0 on, to where the cluster's nodes go on as they do or one starts or stops.
-void Clusters::take(Cluster& c) {
-  for (;;) {
-    if (!(c.t0 + c.dt > c.t0))
-      throw Failure("the step has shrunk to nothing at t = " + number_text(c.t0) + " (node " +
-                    std::to_string(c.first) + "); loosen ts_rtol and ts_atol");
-    const double error = attempt(c, c.dt);
-    const double factor = std::clamp(safety * std::pow(error, -0.2), shortest, longest);
-    if (!(error <= 1)) {
-      c.dt *= std::isfinite(error) ? std::min(factor, safety) : shortest;
-      ++rejections_;
-      continue;
-    }
-    double part = 1;
-    const Found found = find_change(c, c.dt, part);
-    if (found == Found::too_coarse) {
-      c.dt /= 8;
-      ++rejections_;
-      continue;
-    }
-    c.cut = found == Found::at;
-    c.t1 = part == 1 ? c.t0 + c.dt : c.t0 + part * c.dt;
-    c.next_dt = factor * c.dt;
-    if (c.cut) c.next_dt = std::min(c.next_dt, c.dt);
-    return;
-  }
-}
-
-void Clusters::interpolate(const Cluster& c, double part, double* into) const {
-  const std::vector<double> weights = method_->weights_at(part, c.dt);
-  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into);
-}
-
-// The first start or stop within the step, where `next` is then, with the slope there behind the others.
-Found Clusters::find_change(Cluster& c, double dt, double& part) {
-  const int last = Cluster::slopes + tableau_.stages - 1;
-  const double *const psi0 = c.psi(Cluster::now), *const psi1 = c.psi(Cluster::next);
-  const double *const eta0 = c.eta(Cluster::now), *const eta1 = c.eta(Cluster::next);
-  const double *const a0 = c.psi(Cluster::slopes), *const a1 = c.psi(last);
-  const double *const r0 = c.eta(Cluster::slopes), *const r1 = c.eta(last);
-  Candidates candidates{dt};
-  for (PetscInt k = 0; k < c.count; ++k) {
-    if (c.direction[k] != 0) {
-      candidates.slides(k, c.direction[k], psi0[k], psi1[k], a0[k], a1[k]);
-      continue;
-    }
-    for (const double side : {1., -1.})
-      if (side > 0 || both_sides_)
-        candidates.rests(k, side, side * eta0[k] - c.limit[k], side * eta1[k] - c.limit[k], side * r0[k],
-                         side * r1[k], c.limit[k]);
-  }
-  if (candidates.reached == infinity) return Found::none;
-  std::vector<double> weights;
-  const auto furthest = [&](double at) {
-    const bool at_end = at > 1 - close;  // which the polynomial misses by its error
-    if (!at_end) weights = method_->weights_at(at, dt);
-    double most = -infinity;
-    for (const Candidate& one : candidates.list) {
-      const std::size_t k = std::size_t(one.node) + 1 + (one.rests ? c.stride : 0);
-      double value = c.block(at_end ? Cluster::next : Cluster::now)[k];
-      for (std::size_t j = 0; j < weights.size() && !at_end; ++j)
-        value += weights[j] * c.block(Cluster::slopes + int(j))[k];
-      most = std::max(most, one.beyond(value, c.limit[one.node], at));
-    }
-    return most;
-  };
-  const auto any_fresh = [&](bool asked) {
-    return asked && std::any_of(candidates.list.begin(), candidates.list.end(),
-                                [](const Candidate& one) { return one.fresh; });
-  };
-  const Place place = locate(candidates.estimate, candidates.reached, furthest, any_fresh);
-  if (place.found != Found::at) return place.found;
-  part = place.part;
-  if (!(part > 1 - close)) interpolate(c, part, c.block(Cluster::next));
-  snap(c, candidates);
-  take_slope(c, c.block(Cluster::next), c.block(last + 1));
-  return Found::at;
-}
-
-// Nodes whose change has come, to round-off, get psi = 0 or their threshold exactly.
-void Clusters::snap(Cluster& c, const Candidates& candidates) {
-  double *const psi = c.psi(Cluster::next), *const eta = c.eta(Cluster::next);
-  for (const Candidate& one : candidates.list) {
-    const PetscInt k = one.node;
-    if (one.beyond(one.rests ? eta[k] : psi[k], c.limit[k], 1) < -close) continue;
-    if (one.rests)
-      eta[k] = one.side * c.limit[k];
-    else
-      psi[k] = 0;
-  }
-  const double *const psi0 = c.psi(Cluster::now), *const eta0 = c.eta(Cluster::now);
-  for (PetscInt k = 0; k < c.count; ++k) {
-    if (c.direction[k] != 0) {
-      if (stops(c.direction[k], psi0[k], psi[k])) psi[k] = 0;
-      continue;
-    }
-    for (const double side : {1., -1.})
-      if ((side > 0 || both_sides_) &&
-          arrives(side * eta[k] - c.limit[k], side * eta0[k] - c.limit[k], c.limit[k]))
-        eta[k] = side * c.limit[k];
-  }
-}
+// ---- what has happened ----
 
 void Clusters::queue(std::size_t id) {
   Cluster& c = *clusters_[id];
-  take(c);
-  due_.push({c.t1, id, c.number = ++step_number_});
+  steps_.take(c);
+  due_.push({c.t1, id, c.number = ++counts_.number});
 }
 
-// ---- what has happened ----
-
-void Clusters::show(Cluster& c, const double* u_end, const double* slope_end, double t) {
-  ++steps_;
-  node_steps_ += c.count;
+void Clusters::show(Cluster& c, double* u_end, double* slope_end, double t) {
+  ++counts_.steps;
+  counts_.node_steps += c.count;
   if (!watcher_) return;
-  const auto at = [&](const double* u, const double* f) {
-    return MovedNodes::End{u + 1, u + c.stride + 1, f + 1, f + c.stride + 1};
+  double *const u = c.block(Cluster::now), *const slope = steps_.first_slope(c);
+  const auto at = [&](const double* block, const double* f) {
+    return MovedNodes::End{block + c.place(0), block + c.place(1), f + c.place(0), f + c.place(1)};
   };
-  watcher_->step({c.t0, t, c.first, c.count, at(c.block(Cluster::now), c.block(Cluster::slopes)),
-                  at(u_end, slope_end), c.direction.data()});
+  MovedNodes moved{c.t0, t, c.first, c.count, at(u, slope), at(u_end, slope_end), c.direction.data()};
+  if (model_.viscous()) {
+    double* const blocks[4] = {u, slope, u_end, slope_end};
+    for (std::size_t k = 0; k < 4; ++k) steps_.viscous_force(c, blocks[k], viscous_[k]);
+    moved.begin.viscous = viscous_[0].data();
+    moved.begin.viscous_rate = viscous_[1].data();
+    moved.end.viscous = viscous_[2].data();
+    moved.end.viscous_rate = viscous_[3].data();
+  }
+  watcher_->step(moved);
 }
 
 // The step of a cluster that lies behind all others counts.
 void Clusters::commit(std::size_t id) {
   Cluster& c = *clusters_[id];
-  const int last = Cluster::slopes + tableau_.stages - 1;
-  show(c, c.block(Cluster::next), c.block(last + (c.cut ? 1 : 0)), c.t1);
+  show(c, c.block(Cluster::next), steps_.last_slope(c), c.t1);
   if (c.cut) {
     next_dt_ = c.next_dt;
     const double t = c.t1;
@@ -275,10 +86,7 @@ void Clusters::commit(std::size_t id) {
     regroup(t);
     return;
   }
-  std::swap_ranges(c.block(Cluster::now), c.block(Cluster::now) + 2 * c.stride, c.block(Cluster::next));
-  std::swap_ranges(c.block(Cluster::slopes), c.block(Cluster::slopes) + 2 * c.stride, c.block(last));
-  c.t0 = c.t1;
-  c.dt = c.next_dt;
+  steps_.accept(c);
   queue(id);
 }
 
@@ -286,10 +94,9 @@ void Clusters::commit(std::size_t id) {
 void Clusters::dissolve(std::size_t id, const double* u, double t) {
   const Cluster& c = *clusters_[id];
   for (PetscInt k = 0; k < c.count; ++k) {
-    const PetscInt i = node(c.first + k);
-    psi_[i] = u[1 + k];
-    eta_[i] = u[c.stride + 1 + k];
-    since_[i] = t;
+    const PetscInt i = steps_.node(c, k);
+    psi_[i] = u[c.place(0) + std::size_t(k)];
+    resting_.set(i, t, u[c.place(1) + std::size_t(k)], dof_ == 3 ? u[c.place(2) + std::size_t(k)] : 0);
     owner_[i] = -1;
     freed_.push_back(i);
   }
@@ -302,80 +109,102 @@ void Clusters::dissolve(std::size_t id, const double* u, double t) {
 void Clusters::cut_back(std::size_t id, double t) {
   Cluster& c = *clusters_[id];
   next_dt_ = std::min(next_dt_, c.dt);
-  std::vector<double> u(c.block(Cluster::now), c.block(Cluster::now) + 2 * c.stride);
+  std::vector<double> u(c.size);
+  steps_.at(c, t, u.data());
   if (t > c.t0) {
-    interpolate(c, (t - c.t0) / c.dt, u.data());
     for (PetscInt k = 0; k < c.count; ++k)  // the polynomial may end behind a stop, by round-off
-      if (c.direction[k] * u[1 + k] < 0) u[1 + k] = 0;
-    double* const slope = c.block(Cluster::slopes + tableau_.stages);
-    take_slope(c, u.data(), slope);
+      if (double& psi = u[c.place(0) + std::size_t(k)];
+          c.direction[k] * psi < 0 && !scene_.held(steps_.node(c, k)))
+        psi = 0;
+    double* const slope = steps_.cut_slope(c);
+    steps_.take_slope(c, t, u.data(), slope);
     show(c, u.data(), slope, t);
   }
   dissolve(id, u.data(), t);
 }
 
-// ---- what rests ----
-
-double Clusters::eta_at_rest(PetscInt i, double t) const { return eta_[i] + plate_rate_ * (t - since_[i]); }
-
-// When node i will begin to slide by itself.
-double Clusters::release_time(PetscInt i) const {
-  if (plate_rate_ == 0 || (plate_rate_ < 0 && !both_sides_)) return infinity;
-  const double side = plate_rate_ > 0 ? 1 : -1;
-  return since_[i] + std::max(0., (limit_[i] - side * eta_[i]) / std::abs(plate_rate_));
-}
-
-void Clusters::await_release(PetscInt i) {
-  release_[i] = release_time(i);
-  if (release_[i] < infinity) releases_.push({release_[i], i});
-}
-
 // The nodes at rest that come to their thresholds now.
-void Clusters::release_due() {
-  const double t = releases_.top().t;
-  while (!releases_.empty()) {
-    const auto [when, i] = releases_.top();
-    if ((when - t) * std::abs(plate_rate_) > close * limit_[i]) break;
-    releases_.pop();
-    if (owner_[i] >= 0 || release_[i] != when) continue;
-    eta_[i] = plate_rate_ > 0 ? limit_[i] : -limit_[i];
-    since_[i] = t;
-    freed_.push_back(i);
-  }
+void Clusters::release_due(double t) {
   next_dt_ = first_dt_;
-  regroup(t);
+  freed_ = resting_.take_due(t);
+  if (!freed_.empty()) regroup(t);
 }
 
 // ---- which nodes are clusters ----
 
-// psi beside node i; beyond the end of a line as the end says.
-double Clusters::beside(PetscInt i, int side) const {
-  const PetscInt j = i + side;
-  if (j >= 0 && j < n_) return psi_[j];
-  if (ring_) return psi_[j < 0 ? n_ - 1 : 0];
-  return scene_.form == Form::chain ? psi_[i] : psi_[i - side];
+// Calls body(j) for the nodes that the stencil reaches from i, and i.
+template <class Body>
+void Clusters::for_reach(PetscInt i, const Body& body) const {
+  for (PetscInt j = i - reach_; j <= i + reach_; ++j)
+    if (ring_ || (j >= 0 && j < n_)) body(wrapped(j));
 }
 
-// The rate of eta of a node at rest.
-double Clusters::elastic_rate(PetscInt i) const {
-  return plate_rate_ + coefficients_.w[1] * (beside(i, -1) + beside(i, 1));
+// Whether the stencil of node i looks at a held end, or at what stands for the nodes beyond it.
+bool Clusters::anchored(PetscInt i) const {
+  const PetscInt depth = scene_.form == Form::chain ? 1 : scene_.order;
+  return (scene_.left == End::velocity && i < depth) || (scene_.right == End::velocity && i >= n_ - depth);
+}
+
+// D2 at node i; nothing beyond the stencil's reach moves.
+double Clusters::second_difference(PetscInt i, const std::vector<double>& of) const {
+  const kernel::Coefficients& c = coefficients_;
+  double value = c.w[0] * of[i];
+  for (PetscInt j = 1; j <= reach_; ++j)
+    for (const PetscInt at : {i - j, i + j}) {
+      if (ring_ || (at >= 0 && at < n_)) {
+        value += c.w[j] * of[wrapped(at)];
+      } else {
+        for (const auto& [inside, weight] : halo_node(scene_, at)) value += c.w[j] * weight * of[inside];
+      }
+    }
+  return value;
+}
+
+// The force that is held against the threshold of a free node.
+double Clusters::force(PetscInt i) const {
+  const double eta = resting_.last_eta(i);
+  return model_.viscous() ? eta + scene_.N() * second_difference(i, psi_) : eta;
+}
+
+// Its rate, of a node at rest.
+double Clusters::force_rate(PetscInt i) const {
+  const double rate = resting_.rate(t_) + scene_.K1() * second_difference(i, psi_);
+  if (!model_.viscous()) return rate;
+  const PetscInt order = scene_.order;
+  for (PetscInt k = i - order; k <= i + order; ++k) {
+    if (!ring_ && (k < 0 || k >= n_)) continue;
+    const PetscInt j = wrapped(k);
+    const double going = sign_of(psi_[j]);
+    psi_rate_[j] = 0;
+    if (going == 0 || scene_.held(j)) continue;
+    const Partials law = model_.friction_law(j).sliding_partials(psi_[j], resting_.last_state(j), going);
+    psi_rate_[j] = scene_.A() * (force(j) - scene_.B() * psi_[j] - model_.amplitude()[j] * law.F);
+  }
+  return rate + scene_.N() * second_difference(i, psi_rate_);
 }
 
 void Clusters::decide(PetscInt i) {
   const signed char was = direction_[i];
   direction_[i] = static_cast<signed char>(sign_of(psi_[i]));
-  if (direction_[i] == 0)
-    for (const int side : {1, -1})
-      if ((side > 0 || both_sides_) && begins(side * eta_[i] - limit_[i], limit_[i], side * elastic_rate(i)))
-        direction_[i] = static_cast<signed char>(side);
+  if (direction_[i] == 0 && !scene_.held(i)) {
+    const double state = resting_.last_state(i), limit = steps_.threshold(i, state),
+                 grows = steps_.threshold_rate(i, state), holds = force(i), rate = force_rate(i);
+    for (const int side : {1, -1}) {
+      if (side < 0 && !both_sides_) continue;
+      double excess = side * holds - limit;
+      // the sum over neighbours was taken in another order where the force was made the threshold
+      if (model_.viscous() && std::abs(excess) <= close * limit) excess = 0;
+      if (begins(excess, limit, side * rate - grows)) direction_[i] = static_cast<signed char>(side);
+    }
+  }
   if (direction_[i] != 0 && was == 0) starts_.push_back(i);
   if (direction_[i] == 0 && was != 0) stops_.push_back(i);
 }
 
 // Of the nodes that are free, and of clusters that they touch, clusters are formed anew.
 void Clusters::regroup(double t) {
-  if (t > last_change_) without_time_ = 0;
-  if (++without_time_ > 1000 + 10 * std::int64_t(n_))
+  if (t > last_change_) counts_.without_time = 0;
+  if (++counts_.without_time > 1000 + 10 * std::int64_t(n_))
     throw Failure("nodes begin to slip and rest again without end at t = " + number_text(t));
   t_ = last_change_ = t;
   sliding_.clear();
@@ -384,20 +213,18 @@ void Clusters::regroup(double t) {
   for (std::size_t k = 0; k < freed_.size(); ++k) {  // their number grows
     const PetscInt i = freed_[k];
     decide(i);
-    if (direction_[i] == 0) continue;
+    if (direction_[i] == 0 && !anchored(i)) continue;
     sliding_.push_back(i);
-    for (const PetscInt j : {i - 1, i + 1}) {
-      if (!ring_ && (j < 0 || j >= n_)) continue;
-      const int other = owner_[node(j + (j < 0 ? n_ : 0))];
-      if (other >= 0) cut_back(std::size_t(other), t);
-    }
+    for_reach(i, [&](PetscInt j) {
+      if (owner_[j] >= 0) cut_back(std::size_t(owner_[j]), t);
+    });
   }
   std::sort(sliding_.begin(), sliding_.end());
   form(t);
   for (const PetscInt i : freed_)
-    if (owner_[i] < 0) await_release(i);
+    if (owner_[i] < 0) resting_.rests(i);
   freed_.clear();
-  most_at_once_ = std::max(most_at_once_, alive_);
+  counts_.most_at_once = std::max(counts_.most_at_once, alive_);
   if (watcher_ && !(starts_.empty() && stops_.empty())) watcher_->change(t, starts_, stops_);
 }
 
@@ -407,6 +234,7 @@ void Clusters::form(double t) {
   struct Stretch {
     PetscInt first, last;
   };
+  const PetscInt apart = 2 * reach_ + 1;  // sliding nodes of clusters that do not feel each other
   std::vector<Stretch> found;
   for (const PetscInt i : sliding_)
     if (!found.empty() && i - found.back().last < apart)
@@ -419,15 +247,32 @@ void Clusters::form(double t) {
     found.erase(found.begin());
   }
   for (const auto& [first, last] : found) {
-    const PetscInt from = ring_ ? first - 1 : std::max(first - 1, PetscInt(0)),
-                   to = ring_ ? last + 1 : std::min(last + 1, n_ - 1);
+    const PetscInt from = ring_ ? first - reach_ : std::max(first - reach_, PetscInt(0)),
+                   to = ring_ ? last + reach_ : std::min(last + reach_, n_ - 1);
     gather(from < 0 ? from + n_ : from, to - from + 1, t);
   }
 }
 
 void Clusters::gather(PetscInt first, PetscInt count, double t) {
-  auto made = std::make_unique<Cluster>(first, count, tableau_.stages);
+  std::unique_ptr<Cluster> made = steps_.make(first, count);
   Cluster& c = *made;
+  const std::size_t id = add(std::move(made));
+  for (PetscInt k = 0; k < count; ++k) {
+    const PetscInt i = steps_.node(c, k);
+    c.direction[k] = direction_[i];
+    c.column(Cluster::now, 0)[k] = psi_[i];
+    c.column(Cluster::now, 1)[k] = resting_.eta(i, t);
+    if (dof_ == 3) c.column(Cluster::now, 2)[k] = resting_.state(i, t);
+    psi_[i] = 0;
+    owner_[i] = int(id);
+    resting_.leaves(i);
+  }
+  c.t0 = t;
+  c.dt = next_dt_ > 0 ? next_dt_ : first_dt_;
+  queue(id);
+}
+
+std::size_t Clusters::add(std::unique_ptr<Cluster> cluster) {
   std::size_t id = clusters_.size();
   if (unused_.empty()) {
     clusters_.emplace_back();
@@ -435,20 +280,9 @@ void Clusters::gather(PetscInt first, PetscInt count, double t) {
     id = unused_.back();
     unused_.pop_back();
   }
-  for (PetscInt k = 0; k < count; ++k) {
-    const PetscInt i = node(first + k);
-    c.direction[k] = direction_[i];
-    c.limit[k] = limit_[i];
-    c.psi(Cluster::now)[k] = psi_[i];
-    c.eta(Cluster::now)[k] = eta_at_rest(i, t);
-    owner_[i] = int(id);
-    if (!scene_.unit_amplitude()) c.amplitude.push_back(model_.amplitude()[i]);
-  }
-  c.t0 = t;
-  c.dt = next_dt_ > 0 ? next_dt_ : first_dt_;
-  clusters_[id] = std::move(made);
+  clusters_[id] = std::move(cluster);
   ++alive_;
-  queue(id);
+  return id;
 }
 
 // ---- a run ----
@@ -459,16 +293,12 @@ double Clusters::advance(double t, std::int64_t most_steps,
     while (!due_.empty() &&
            (!clusters_[due_.top().cluster] || clusters_[due_.top().cluster]->number != due_.top().number))
       due_.pop();
-    while (!releases_.empty() &&
-           (owner_[releases_.top().node] >= 0 || release_[releases_.top().node] != releases_.top().t))
-      releases_.pop();
-    const double step = due_.empty() ? infinity : due_.top().t,
-                 release = releases_.empty() ? infinity : releases_.top().t;
+    const double step = due_.empty() ? infinity : due_.top().t, release = resting_.next(t_);
     if (std::min(step, release) > t) return t_ = t;
-    if (steps_ >= most_steps || !go_on(steps_, t_)) return t_;
+    if (counts_.steps >= most_steps || !go_on(counts_.steps, t_)) return t_;
     t_ = std::max(t_, std::min(step, release));
     if (release <= step) {
-      release_due();
+      release_due(t_);
     } else {
       const std::size_t id = due_.top().cluster;
       due_.pop();
@@ -480,24 +310,57 @@ double Clusters::advance(double t, std::int64_t most_steps,
 void Clusters::solution(double t, Vec u) const {
   const Writing into(u);
   for (PetscInt i = 0; i < n_; ++i) {
-    into[2 * i] = 0;
-    into[2 * i + 1] = eta_at_rest(i, t);
+    if (owner_[i] >= 0) continue;
+    into[dof_ * i] = 0;
+    into[dof_ * i + 1] = resting_.eta(i, t);
+    if (dof_ == 3) into[dof_ * i + 2] = resting_.state(i, t);
   }
   std::vector<double> at;
   for (const auto& one : clusters_) {
     if (!one) continue;
     const Cluster& c = *one;
-    at.resize(2 * c.stride);
-    if (t > c.t0)
-      interpolate(c, (t - c.t0) / c.dt, at.data());
-    else
-      std::copy(c.block(Cluster::now), c.block(Cluster::now) + 2 * c.stride, at.data());
-    for (PetscInt k = 0; k < c.count; ++k) {
-      const PetscInt i = node(c.first + k);
-      into[2 * i] = at[1 + k];
-      into[2 * i + 1] = at[c.stride + 1 + k];
-    }
+    at.resize(c.size);
+    steps_.at(c, t, at.data());
+    for (PetscInt k = 0; k < c.count; ++k)
+      for (int d = 0; d < dof_; ++d) into[dof_ * steps_.node(c, k) + d] = at[c.place(d) + std::size_t(k)];
   }
+}
+
+// ---- from a checkpoint ----
+
+std::vector<Clusters::Kept> Clusters::kept() const {
+  std::vector<Kept> list;
+  for (const auto& one : clusters_) {
+    if (!one) continue;
+    const Cluster& c = *one;
+    list.push_back({c.first, c.count, c.t0, c.tried, c.number,
+                    std::vector<double>(c.block(Cluster::now), c.block(Cluster::now) + c.size), c.direction});
+  }
+  return list;
+}
+
+void Clusters::resume(const std::vector<Kept>& clusters) {
+  for (const Kept& kept : clusters) {
+    if (kept.first < 0 || kept.first >= n_ || kept.count < 1 || kept.count > n_)
+      throw std::runtime_error("its clusters do not fit");
+    std::unique_ptr<Cluster> made = steps_.make(kept.first, kept.count);
+    Cluster& c = *made;
+    if (kept.u.size() != c.size) throw std::runtime_error("its clusters do not fit");
+    std::copy(kept.u.begin(), kept.u.end(), c.block(Cluster::now));
+    c.direction = kept.direction;
+    c.t0 = kept.t0;
+    c.dt = kept.tried;
+    const std::size_t id = add(std::move(made));
+    for (PetscInt k = 0; k < c.count; ++k) {
+      const PetscInt i = steps_.node(c, k);
+      owner_[i] = int(id);
+      direction_[i] = static_cast<signed char>(c.direction[k]);
+    }
+    steps_.take(c);
+    due_.push({c.t1, id, c.number = kept.number});
+  }
+  for (PetscInt i = 0; i < n_; ++i)
+    if (owner_[i] < 0) resting_.goes_on_resting(i);
 }
 
 }  // namespace stickslip

@@ -1,19 +1,21 @@
 // Friction that sticks, of a medium that mostly rests: only what slides is advanced (docs/events.md).
 //
-// A cluster is some sliding nodes and the resting ones beside them, whose eta is integrated with it. Clusters
-// do not feel each other while at least two resting nodes lie between their sliding ones (the stencil reaches
-// one node); with fewer they are one cluster. What rests elsewhere is known in closed form: eta grows by K0
-// times the plate's way, and the node that comes to its threshold first is the first of a heap.
+// A cluster is some sliding nodes and the resting ones that the stencil reaches from them, whose eta (and
+// state) is integrated with it. Clusters do not feel each other while between their sliding nodes at least
+// twice as many nodes rest as the stencil reaches; with fewer they are one cluster. What rests elsewhere is
+// known in closed form (resting.hpp). A held end moves all the time: it and the nodes whose stencils look at
+// it always belong to a cluster.
 //
-// Each cluster takes steps of its own, with its own tolerance, by the pair rk:5dp. It lies ahead of the
+// Each cluster takes steps of its own, with its own tolerance (cluster_steps.hpp). It lies ahead of the
 // others by its last step, which counts only when it comes first in time: then its integrals are handed on,
 // and the starts and stops at its end are carried out (stick_rule.hpp). So all starts and stops come in the
 // order of time. Where one makes two clusters one, that which is ahead is cut back to it, by the method's
 // polynomial between steps.
 //
-// For one rank, and for scenes without a state, viscosity between neighbours, load and held ends, of order 2.
+// For one rank.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -25,9 +27,8 @@
 
 #include "model/moved_nodes.hpp"
 #include "stickslip/model/model.hpp"
-#include "time/fused_methods.hpp"
-#include "time/stick_rule.hpp"
-#include "time/tile_kernels.hpp"
+#include "time/cluster_steps.hpp"
+#include "time/resting.hpp"
 
 namespace stickslip {
 
@@ -46,97 +47,119 @@ class Clusters {
                         const std::vector<PetscInt>& stops) = 0;
   };
 
-  // From u at t on. The model must outlive it, u need not.
-  Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher);
+  // The model must outlive it. Then one of: start() at u; archive() of a checkpoint.
+  Clusters(const Model& model, double atol, double rtol);
   ~Clusters();
+  void start(Vec u, double t);
+  // What goes on from a checkpoint goes on to the last bit: each cluster stands at its own time, and its step
+  // under way, which has one result, is taken anew.
+  template <class Archive>
+  void archive(Archive& a);
+  void watch(Watcher* watcher) { watcher_ = watcher; }
 
   // Until all that happens up to t is done, or so many steps in all have been taken, or `go_on`, asked after
   // every step with its number and time, says no. Returns the time reached.
   double advance(double t, std::int64_t most_steps, const std::function<bool(std::int64_t, double)>& go_on);
   // u at the time reached, or at a later one before anything else happens.
   void solution(double t, Vec u) const;
-  double eta_at_rest(PetscInt node, double t) const;  // of a node that rests since before t
+  double eta_at_rest(PetscInt node, double t) const { return resting_.eta(node, t); }  // rests since before t
 
-  std::int64_t steps() const { return steps_; }
-  std::int64_t rejections() const { return rejections_; }
-  std::int64_t node_steps() const { return node_steps_; }  // steps, each times the nodes of its cluster
-  std::int64_t evaluations() const { return evaluations_; }
-  std::size_t most_at_once() const { return most_at_once_; }
+  double reached() const { return t_; }
+  std::int64_t steps() const { return counts_.steps; }
+  std::int64_t rejections() const { return steps_.rejections; }
+  std::int64_t node_steps() const {
+    return counts_.node_steps;
+  }  // steps, each times the nodes of its cluster
+  std::int64_t evaluations() const { return steps_.evaluations; }
+  std::int64_t most_at_once() const { return counts_.most_at_once; }
 
  private:
-  struct Cluster;
   struct Due {  // a cluster's end of step; number: of the step, which another may have replaced
     double t;
     std::size_t cluster;
     std::int64_t number;
-    bool operator<(const Due& other) const { return t > other.t; }
-  };
-  struct Release {
-    double t;
-    PetscInt node;
-    bool operator<(const Release& other) const { return t > other.t; }
+    bool operator<(const Due& other) const { return t != other.t ? t > other.t : number > other.number; }
   };
 
-  PetscInt node(PetscInt k) const { return k >= n_ ? k - n_ : k; }
-  double beside(PetscInt i, int side) const;
-  double elastic_rate(PetscInt i) const;
-  double release_time(PetscInt i) const;
-  void await_release(PetscInt i);
+  PetscInt wrapped(PetscInt k) const { return k >= n_ ? k - n_ : k < 0 ? k + n_ : k; }
+  template <class Body>
+  void for_reach(PetscInt i, const Body& body) const;
+  bool anchored(PetscInt i) const;
+  double second_difference(PetscInt i, const std::vector<double>& of) const;
+  double force(PetscInt i) const;
+  double force_rate(PetscInt i) const;
 
-  void close_ends(const Cluster& c, double* psi) const;
-  void take_slope(Cluster& c, double* u, double* f);
-  void sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
-           double* into) const;
-  double attempt(Cluster& c, double dt);
-  void take(Cluster& c);
-  stick_rule::Found find_change(Cluster& c, double dt, double& part);
-  void interpolate(const Cluster& c, double part, double* into) const;
-  void snap(Cluster& c, const stick_rule::Candidates& candidates);
   void queue(std::size_t id);
-
-  void show(Cluster& c, const double* u_end, const double* slope_end, double t);
+  void show(Cluster& c, double* u_end, double* slope_end, double t);
   void commit(std::size_t id);
   void dissolve(std::size_t id, const double* u, double t);
   void cut_back(std::size_t id, double t);
-  void release_due();
+  void release_due(double t);
   void regroup(double t);
   void decide(PetscInt i);
   void form(double t);
   void gather(PetscInt first, PetscInt count, double t);
+  std::size_t add(std::unique_ptr<Cluster> cluster);
+
+  struct Kept {  // of a cluster, in a checkpoint
+    PetscInt first = 0, count = 0;
+    double t0 = 0, tried = 0;
+    std::int64_t number = 0;
+    std::vector<double> u, direction;
+  };
+  std::vector<Kept> kept() const;
+  void resume(const std::vector<Kept>& clusters);
 
   const Model& model_;
   const Scene& scene_;
-  PetscInt n_;
+  PetscInt n_, reach_;
+  int dof_;
   bool ring_, both_sides_;
-  double atol_, rtol_, plate_rate_;  // K0 v
-  std::unique_ptr<FusedMethod> method_;
-  StageProgram tableau_;
-  std::vector<double> error_weights_;  // of its slopes, times the length of a step
-  kernel::Coefficients coefficients_;
-  tile::Stencil stencil_;
-  tile::Pointwise pointwise_;
-  std::function<void(const kernel::Terms&)> add_;
-  Watcher* watcher_;
+  ClusterSteps steps_;
+  RestingNodes resting_;
+  Watcher* watcher_ = nullptr;
 
-  // Of a node that rests beyond all clusters: eta at `since_`; and when it will begin to slide by itself. Of
-  // the nodes of a cluster only where they belong, and their direction, is up to date.
-  std::vector<double> eta_, since_, release_, limit_;
-  std::vector<double> psi_;
+  std::vector<double>
+      psi_;  // of nodes that are free, on the way from a cluster to another or to rest; else 0
   std::vector<signed char> direction_;
-  std::vector<int> owner_;  // cluster, -1: none
+  std::vector<int> owner_;             // cluster, -1: none
+  kernel::Coefficients coefficients_;  // of D2
+  mutable std::vector<double> psi_rate_;
+  std::array<std::vector<double>, 4> viscous_;
 
   std::vector<std::unique_ptr<Cluster>> clusters_;
   std::vector<std::size_t> unused_;  // places in clusters_
   std::priority_queue<Due> due_;
-  std::priority_queue<Release> releases_;
 
   std::vector<PetscInt> freed_, sliding_, starts_, stops_;  // while clusters are formed anew
-  double next_dt_ = 0;
-  double t_, last_change_ = -std::numeric_limits<double>::infinity();
-  std::int64_t steps_ = 0, rejections_ = 0, node_steps_ = 0, evaluations_ = 0, without_time_ = 0,
-               step_number_ = 0;
-  std::size_t alive_ = 0, most_at_once_ = 0;
-  double first_dt_;
+  double first_dt_, next_dt_ = 0;
+  double t_ = 0, last_change_ = -std::numeric_limits<double>::infinity();
+  struct Counts {
+    std::int64_t steps = 0, node_steps = 0, most_at_once = 0, without_time = 0, number = 0;
+  } counts_;
+  std::int64_t alive_ = 0;
 };
+
+template <class Archive>
+void Clusters::archive(Archive& a) {
+  std::vector<Kept> clusters = kept();
+  std::int64_t rejections = steps_.rejections, evaluations = steps_.evaluations;
+  a("clusters.reached", t_, last_change_, counts_.steps, counts_.node_steps, counts_.most_at_once,
+    counts_.without_time, counts_.number, rejections, evaluations);
+  resting_.archive(a);
+  a.list("clusters.under_way", [&](auto& x) {
+    x.rest(clusters, [&](Kept& c) {
+      std::size_t size = c.u.size();
+      x(c.first, c.count, c.t0, c.tried, c.number, size);
+      c.u.resize(size);
+      c.direction.resize(std::size_t(c.count));
+      x(c.u, c.direction);
+    });
+  });
+  if (!a.restores()) return;
+  resume(clusters);
+  steps_.rejections = rejections;
+  steps_.evaluations = evaluations;
+}
 
 }  // namespace stickslip

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {
@@ -16,10 +17,11 @@ struct Course {
   // to be hit exactly: the next corner of the load or the end of the run, and the latter
   double t_end = 0, run_end = 0;
   std::int64_t max_steps = 0;
-  std::int64_t counted = 0;      // steps before the first that the TS counts
-  PetscInt rejections_seen = 0;  // by the TS, of those that are in the report
-  double next_dt = 0;            // proposed last
-  bool stop_asked = false;
+  std::int64_t counted = 0;                        // steps before the first that the TS counts
+  PetscInt rejections_seen = 0;                    // by the TS, of those that are in the report
+  double next_dt = 0;                              // proposed last
+  bool stop_asked = false, plate_is_over = false;  // the latter: Plate::end has come
+  Plate own_plate, *plate = &own_plate;
   TimeReport report;
   long evaluations_before = 0;
 

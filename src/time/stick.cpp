@@ -7,6 +7,7 @@
 #include "base/local_values.hpp"
 #include "model/release.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "time/stick_rule.hpp"
 
@@ -36,8 +37,8 @@ class Forces {
 bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !scene.massless(); }
 
 Stick::Stick(const Model& model)
-    : model_(model), dof_(model.dof()), free_end_(model.local()),
-      both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
+    : model_(model), loaded_(model.scene().load.varies() && !halts(model.scene())), dof_(model.dof()),
+      free_end_(model.local()), both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
       slope_(model.create_vector()), next_slope_(model.create_vector()),
       candidates_(std::make_unique<Candidates>()) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
@@ -113,6 +114,8 @@ void Stick::decide(Vec u) {
   changes_ += counts[2];
   if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
 }
+
+void Stick::renew_slope(Vec u) { model_.rhs(Part::full, u, slope_); }
 
 // Fills candidates_ with the changes between `before` and `after`, those of all ranks for the times.
 void Stick::find_candidates(Vec before, Vec after, double dt) {
@@ -241,7 +244,7 @@ void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
 }
 
 double Stick::release_after(Vec u, double t, double longest) {
-  if (model_.scene().load.varies()) return release_under_load(u, t, longest);
+  if (loaded_) return release_under_load(u, t, longest);
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_), rates(f, total_rate, dof_);
@@ -322,7 +325,7 @@ double Stick::release_under_load(Vec u, double t, double longest) {
 
 void Stick::rest(Vec u, double t, double wait, Vec into) {
   const Load& load = model_.scene().load;
-  const bool loaded = load.varies();
+  const bool loaded = loaded_;
   const double K0 = model_.scene().K0(), v = model_.plate_velocity(t);
   const double more = loaded ? K0 * (load.integral(t + wait) - load.integral(t) - v * wait) : 0;
   const double faster = loaded ? K0 * (model_.plate_velocity(t + wait) - v) : 0;

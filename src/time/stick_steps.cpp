@@ -1,11 +1,21 @@
 #include "time/stick_steps.hpp"
 
+#include <algorithm>
+#include <limits>
+
+#include "stickslip/model/plate.hpp"
+
 namespace stickslip {
+
+namespace {
+constexpr double infinity = std::numeric_limits<double>::infinity();
+}
 
 using Step = Integrator::Step;
 
 StickSteps::StickSteps(const Model& model, TS ts, FusedTs* fused, Course& course)
-    : model_(model), ts_(ts), fused_(fused), course_(course), stick_(model), landed_(model.create_vector()) {
+    : model_(model), halts_(halts(model.scene())), ts_(ts), fused_(fused), course_(course), stick_(model),
+      landed_(model.create_vector()) {
   if (fused_ && fused_->last_is_solution()) fused_->leave_slope_in([this] { return stick_.slope_at_end(); });
 }
 
@@ -19,9 +29,27 @@ void StickSteps::start(Vec u, double fixed_dt) {
 }
 
 void StickSteps::decide(Vec u, double t) {
-  model_.set_time(t);
-  stick_.decide(u);
+  if (halts_) {
+    decide_with_plate(u, t);
+  } else {
+    model_.set_time(t);
+    stick_.decide(u);
+  }
   if (fused_) fused_->set_direction(stick_.direction());
+}
+
+// The plate stands while any node slips. Where none does, it goes on, and what it then lets go at once halts
+// it again.
+void StickSteps::decide_with_plate(Vec u, double t) {
+  Plate& plate = *course_.plate;
+  plate.set(model_, t, plate.at(t), false);
+  stick_.decide(u);
+  if (!stick_.all_rest()) return;
+  plate.set(model_, t, plate.time, true);
+  stick_.decide(u);
+  if (stick_.all_rest()) return;
+  plate.set(model_, t, plate.time, false);
+  stick_.renew_slope(u);
 }
 
 void StickSteps::after(Step step, Vec before) {
@@ -91,9 +119,15 @@ void StickSteps::pass_rest(Vec u) {
   SS_TRY(TSGetTimeStep(ts_, &dt));
   const auto goes_on = [&] { return t < course_.t_end && !course_.stop_asked && index < course_.max_steps; };
   for (int without_time = 0; stick_.all_rest() && goes_on();) {
-    const double t_end = std::min(course_.t_end, t + Stick::longest_rest(model_.scene()));
+    const double shown = course_.plate->at(t);  // by the plate's clock
+    const double plate_end = halts_ ? t + (course_.plate->end - shown) : infinity;
+    const double t_end = std::min({course_.t_end, t + Stick::longest_rest(model_.scene()), plate_end});
     const double wait = stick_.release_after(u, t, t_end - t), until = t + wait < t_end ? t + wait : t_end;
-    stick_.rest(u, t, until == t_end ? t_end - t : wait, landed_);
+    const double rested = until == t_end ? t_end - t : wait;
+    stick_.rest(u, t, rested, landed_);
+    course_.plate_is_over = until == plate_end;
+    if (halts_)
+      course_.plate->set(model_, until, course_.plate_is_over ? course_.plate->end : shown + rested, true);
     if (until > t) {
       course_.t_before = t;
       course_.begin_count(ts_, ++index);
@@ -111,6 +145,7 @@ void StickSteps::pass_rest(Vec u) {
     }
     SS_TRY(VecCopy(landed_, u));
     t = until;
+    if (course_.plate_is_over) course_.stop_asked = true;
     decide(u, t);
     go_on_from(t, dt);
   }

@@ -24,11 +24,13 @@ class StickSteps {
 
  private:
   void decide(Vec u, double t);
+  void decide_with_plate(Vec u, double t);
   void take_back(const Integrator::Step& step, Vec before, double dt);
   void go_on_from(double t, double dt);
   void pass_rest(Vec u);
 
   const Model& model_;
+  bool halts_;  // the plate does (plate.hpp)
   TS ts_;
   FusedTs* fused_;
   Course& course_;

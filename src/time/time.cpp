@@ -182,7 +182,7 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   course.observer = &observer;
   course.t_end = course.run_end = t_end;
   course.t_before = t;
-  course.stop_asked = false;
+  course.stop_asked = course.plate_is_over = false;
   course.max_steps = max_steps;
   course.evaluations_before = model.rhs_evaluations();
   SS_TRY(TSSetTime(ts, t));
@@ -193,6 +193,7 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   SS_TRY(TSSetSolution(ts, u));
   course.update_report(ts, model);
   model.begin_load(t);
+  if (!checkpoint) course.plate->set(model, t, t, true);
   if (!checkpoint) course.tell(ts, step_now());
   checkpoint.reset();
   guard.start();
@@ -279,6 +280,8 @@ void Integrator::set_output_times(std::function<double(double)> next_time) {
   impl_->next_output_time = std::move(next_time);
 }
 
+void Integrator::drive_by(Plate& plate) { impl_->course.plate = &plate; }
+
 void Integrator::continue_from(std::int64_t step, double dt) {
   impl_->checkpoint = {step, dt};
   SS_TRY(TSSetTimeStep(impl_->ts, dt));
@@ -294,7 +297,10 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
   const TSConvergedReason reason = m.solve(u);
   m.course.update_report(m.ts, m.model);
   if (reason < 0) m.fail(reason);
-  report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps" : m.course.stop_asked ? "stopped" : "end time";
+  report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps"
+                  : m.course.plate_is_over   ? "ts_max_plate"
+                  : m.course.stop_asked      ? "stopped"
+                                             : "end time";
   return report;
 }
 

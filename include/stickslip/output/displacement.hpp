@@ -23,7 +23,7 @@
 // given there.
 #pragma once
 
-#include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 
 namespace stickslip {
 
@@ -34,8 +34,8 @@ struct Energy {
 class Displacement {
  public:
   // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not
-  // determined by its forces. Collective.
-  explicit Displacement(const Model& model);
+  // determined by its forces. `plate`: whose clock it keeps; it must outlive this. Collective.
+  Displacement(const Model& model, const Plate& plate);
   // Memory of a node, in bytes: the matrix and its factors, about, and vectors.
   static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
 
@@ -49,6 +49,7 @@ class Displacement {
   Energy energy(Vec u, double t) const;
 
  private:
+  void solve_relative(Vec u, double t, double travelled, Vec w) const;
   void make_whole();
   void make_piece(PetscInt margin);
   template <class Place>
@@ -56,6 +57,7 @@ class Displacement {
   void finish_matrix();
 
   const Model& model_;
+  const Plate& plate_;
   MatHandle matrix_;
   KspHandle ksp_;
   VecHandle w_, load_;

@@ -57,6 +57,8 @@ class Stick {
   void engage() const { model_.set_direction(direction_.data()); }
   // Sets the directions from u. Costs one or two evaluations of the right-hand side.
   void decide(Vec u);
+  // The right-hand side at u is another than decide() has seen, because the plate has halted.
+  void renew_slope(Vec u);
   bool all_rest() const { return all_rest_; }
   const std::vector<double>& direction() const { return direction_; }  // of this rank's nodes; not collective
   long changes() const { return changes_; }  // of a node from rest to sliding or back, so far; over all ranks
@@ -105,6 +107,7 @@ class Stick {
   Vec total_force(Vec u, std::size_t number);
 
   const Model& model_;
+  bool loaded_;  // at rest the plate's velocity varies
   int dof_;
   PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
   bool both_sides_;

@@ -84,6 +84,10 @@ class Integrator {
   // `next_time` gives the first one later than its argument, infinity where there is none.
   void set_output_times(std::function<double(double after)> next_time);
 
+  // The clock of a plate that halts is kept there, where the caller sees it and may have set it to go on
+  // from a checkpoint.
+  void drive_by(struct Plate& plate);
+
   // Continues from a checkpoint: step number and size are taken as they were saved, whatever the options say.
   void continue_from(std::int64_t step, double dt);
 

@@ -1,0 +1,344 @@
+#include "time/cluster_steps.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+using namespace stick_rule;
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by the last one
+
+}  // namespace
+
+ClusterSteps::ClusterSteps(const Model& model, double atol, double rtol)
+    : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
+      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies()), atol_(atol), rtol_(rtol),
+      N_(scene_.N()), K1_(scene_.K1()), method_(FusedMethod::of(TSRK)),
+      coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
+      stencil_(tile::stencil(scene_)),
+      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),
+      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
+  method_->set_subtype(TSRK5DP);
+  tableau_ = tableau_of(method_->library());
+  for (int j = 0; j < tableau_.stages; ++j) {
+    error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
+    const double* const row = &tableau_.A[j * tableau_.stages];
+    const double time = std::accumulate(row, row + j, 0.);
+    stage_times_.push_back(is_no_weight(time - 1) ? 1 : time);
+  }
+  for (PetscInt j = 1; j <= reach_ && !scene_.ring(); ++j) {
+    ends_[0].push_back(halo_node(scene_, -j));
+    ends_[1].push_back(halo_node(scene_, scene_.n - 1 + j));
+  }
+}
+
+std::unique_ptr<Cluster> ClusterSteps::make(PetscInt first, PetscInt count) const {
+  auto made = std::make_unique<Cluster>(first, count, dof_, reach_, tableau_.stages);
+  for (PetscInt k = 0; k < count; ++k) {
+    const PetscInt i = node(*made, k);
+    if (dof_ == 2) made->limit.push_back(threshold(i, 0));
+    if (!scene_.unit_amplitude()) made->amplitude.push_back(model_.amplitude()[i]);
+  }
+  return made;
+}
+
+double ClusterSteps::threshold(PetscInt i, double state) const {
+  return model_.amplitude()[i] * model_.friction_law(i).threshold(state).value;
+}
+double ClusterSteps::threshold_rate(PetscInt i, double state) const {
+  if (dof_ == 2) return 0;
+  const Friction& law = model_.friction_law(i);
+  return model_.amplitude()[i] * (law.threshold(state).slope * law.sliding_rate(0, state, 0).g);
+}
+// u: a block
+double ClusterSteps::limit_at(const Cluster& c, PetscInt k, const double* u) const {
+  return dof_ == 2 ? c.limit[k] : threshold(node(c, k), u[c.place(2) + std::size_t(k)]);
+}
+
+double ClusterSteps::beyond(const Cluster& c, const double* psi, const Combination& nodes) {
+  double value = 0;
+  for (const auto& [i, weight] : nodes)  // others rest
+    if (i >= c.first && i < c.first + c.count) value += weight * psi[i - c.first];
+  return value;
+}
+
+// psi beyond both ends of the cluster: of resting nodes, or of the end of the line or ring.
+void ClusterSteps::close_ends(const Cluster& c, double* psi) const {
+  const PetscInt n = c.count;
+  const bool round = scene_.ring() && n == scene_.n, at_left = !scene_.ring() && c.first == 0,
+             at_right = !scene_.ring() && c.first + n == scene_.n;
+  for (PetscInt j = 1; j <= reach_; ++j) {
+    psi[-j] = round ? psi[n - j] : at_left ? beyond(c, psi, ends_[0][j - 1]) : 0;
+    psi[n - 1 + j] = round ? psi[j - 1] : at_right ? beyond(c, psi, ends_[1][j - 1]) : 0;
+  }
+}
+
+void ClusterSteps::take_slope(Cluster& c, double t, double* u, double* f) {
+  const std::size_t psi = c.place(0), eta = c.place(1), state = c.place(dof_ - 1);
+  const auto count = std::size_t(c.count);
+  kernel::Coefficients coefficients = coefficients_;
+  if (loaded_) coefficients.v = scene_.load.in_piece(scene_.load.piece_from(c.t0), t);
+  close_ends(c, u + psi);
+  stencil_(coefficients, {u + psi, f + eta, c.count});
+  const double* driving = u + eta;
+  if (N_ > 0) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
+    d2_.assign(f + eta, f + eta + count);
+    forces_[0].resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      forces_[0][k] = u[eta + k] + N_ * d2_[k];
+      f[eta + k] = 0;
+    }
+    driving = forces_[0].data();
+  }
+  for (PetscInt k = 0, end; k < c.count; k = end) {  // the nodes of a ring go on at its beginning
+    const PetscInt i = node(c, k);
+    end = std::min(c.count, k + scene_.n - i);
+    pointwise_(coefficients, {u + psi + k, driving + k, dof_ == 3 ? u + state + k : nullptr,
+                              c.amplitude.empty() ? nullptr : &c.amplitude[k], f + psi + k, f + eta + k,
+                              dof_ == 3 ? f + state + k : nullptr, end - k, &c.direction[k], i});
+  }
+  for (std::size_t k = 0; k < count && N_ > 0; ++k) f[eta + k] += K1_ * d2_[k];
+  for (const PetscInt i : {PetscInt(0), scene_.n - 1}) {
+    const PetscInt k = i - c.first;
+    if (!scene_.held(i) || k < 0 || k >= c.count) continue;
+    f[psi + std::size_t(k)] = 0;
+    if (scene_.form == Form::continuum) f[eta + std::size_t(k)] = 0;
+  }
+  ++evaluations;
+}
+
+// base + factor sum_j weights[j] slope_j, over all columns.
+void ClusterSteps::sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
+                       double* into) const {
+  constexpr int most_terms = 8;  // of rk:5dp there are seven
+  const double* slopes[most_terms];
+  double of_slopes[most_terms];
+  int terms = 0;
+  for (int j = 0; j < count; ++j) {
+    if (weights[j] == 0) continue;
+    slopes[terms] = c.block(Cluster::slopes + j);
+    of_slopes[terms++] = factor * weights[j];
+  }
+  add_({base, slopes, of_slopes, terms, into, PetscInt(c.size)});
+}
+
+// Tries a step; its error over what is allowed.
+double ClusterSteps::attempt(Cluster& c, double dt) {
+  const int stages = tableau_.stages;
+  const double* const u = c.block(Cluster::now);
+  if (!c.begun) take_slope(c, c.t0, c.block(Cluster::now), c.block(Cluster::slopes));
+  c.begun = true;
+  for (int i = 1; i < stages; ++i) {  // the last stage is the new u
+    double* const y = c.block(i + 1 < stages ? Cluster::stage : Cluster::next);
+    sum(c, u, &tableau_.A[i * stages], i, dt, y);
+    take_slope(c, c.t0 + stage_times_[i] * dt, y, c.block(Cluster::slopes + i));
+  }
+  double *const error = c.block(Cluster::stage), largest = 0, not_finite = 0;
+  const double* const next = c.block(Cluster::next);
+  std::fill(error, error + c.size, 0.);
+  sum(c, error, error_weights_.data(), stages, dt, error);
+  for (int d = 0; d < dof_; ++d)
+    for (std::size_t k = c.place(d); k < c.place(d) + std::size_t(c.count); ++k) {
+      largest = std::max(largest,
+                         std::abs(error[k]) / (atol_ + rtol_ * std::max(std::abs(u[k]), std::abs(next[k]))));
+      not_finite += next[k] - next[k];
+    }
+  return not_finite == 0 ? largest : infinity;
+}
+
+void ClusterSteps::take(Cluster& c) {
+  const double corner = loaded_ ? scene_.load.next_corner(c.t0) : infinity;
+  const bool shortened = c.t0 + c.dt >= corner;  // v(t) bends or jumps there
+  c.tried = c.dt;
+  if (shortened) c.dt = corner - c.t0;
+  for (bool ends_at_corner = shortened;; ends_at_corner = false) {
+    if (!(c.t0 + c.dt > c.t0))
+      throw Failure("the step has shrunk to nothing at t = " + number_text(c.t0) + " (node " +
+                    std::to_string(c.first) + "); loosen ts_rtol and ts_atol");
+    const double error = attempt(c, c.dt);
+    const double factor = std::clamp(safety * std::pow(error, -0.2), shortest, longest);
+    if (!(error <= 1)) {
+      c.dt *= std::isfinite(error) ? std::min(factor, safety) : shortest;
+      ++rejections;
+      continue;
+    }
+    double part = 1;
+    const Found found = find_change(c, c.dt, part);
+    if (found == Found::too_coarse) {
+      c.dt /= 8;
+      ++rejections;
+      continue;
+    }
+    c.cut = found == Found::at;
+    c.t1 = part != 1 ? c.t0 + part * c.dt : ends_at_corner ? corner : c.t0 + c.dt;
+    c.next_dt = factor * c.dt;
+    if (ends_at_corner) c.next_dt = std::max(c.next_dt, c.tried);
+    if (c.cut) c.next_dt = std::min(c.next_dt, c.dt);
+    return;
+  }
+}
+
+void ClusterSteps::accept(Cluster& c) const {
+  const int last = Cluster::slopes + tableau_.stages - 1;
+  std::swap_ranges(c.block(Cluster::now), c.block(Cluster::now) + c.size, c.block(Cluster::next));
+  std::swap_ranges(c.block(Cluster::slopes), c.block(Cluster::slopes) + c.size, c.block(last));
+  // behind a corner the slope is another one
+  c.begun = !loaded_ || scene_.load.piece_from(c.t1) == scene_.load.piece_from(c.t0);
+  c.t0 = c.t1;
+  c.dt = c.next_dt;
+}
+
+void ClusterSteps::interpolate(const Cluster& c, double part, double* into) const {
+  const std::vector<double> weights = method_->weights_at(part, c.dt);
+  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into);
+}
+
+void ClusterSteps::at(const Cluster& c, double t, double* into) const {
+  if (t > c.t0)
+    interpolate(c, (t - c.t0) / c.dt, into);
+  else
+    std::copy(c.block(Cluster::now), c.block(Cluster::now) + c.size, into);
+}
+
+// ---- where a node starts or stops ----
+
+// Of each node the force that is held against its threshold, where `block` holds u, or its rate.
+const double* ClusterSteps::forces(Cluster& c, int block, std::size_t number) {
+  const double* const eta = c.column(block, 1);
+  if (N_ == 0) return eta;
+  viscous_force(c, c.block(block), forces_[number]);
+  for (std::size_t k = 0; k < forces_[number].size(); ++k) forces_[number][k] += eta[k];
+  return forces_[number].data();
+}
+
+void ClusterSteps::viscous_force(const Cluster& c, double* u, std::vector<double>& into) const {
+  into.resize(std::size_t(c.count));
+  close_ends(c, u + c.place(0));
+  stencil_(coefficients_, {u + c.place(0), into.data(), c.count});
+  for (double& force : into) force *= N_;
+}
+
+void ClusterSteps::find_candidates(Cluster& c, double dt) {
+  const int slope0 = Cluster::slopes, slope1 = Cluster::slopes + tableau_.stages - 1;
+  const double *const force0 = forces(c, Cluster::now, 0), *const force1 = forces(c, Cluster::next, 1),
+                      *const rate0 = forces(c, slope0, 2), *const rate1 = forces(c, slope1, 3);
+  const double *const psi0 = c.column(Cluster::now, 0), *const psi1 = c.column(Cluster::next, 0),
+                      *const a0 = c.column(slope0, 0), *const a1 = c.column(slope1, 0);
+  const double *const u0 = c.block(Cluster::now), *const u1 = c.block(Cluster::next);
+  candidates_.list.clear();
+  candidates_.dt = dt;
+  candidates_.estimate = candidates_.reached = infinity;
+  for (PetscInt k = 0; k < c.count; ++k) {
+    if (scene_.held(node(c, k))) continue;
+    if (c.direction[k] != 0) {
+      candidates_.slides(k, c.direction[k], psi0[k], psi1[k], a0[k], a1[k]);
+      continue;
+    }
+    const double limit0 = limit_at(c, k, u0), limit1 = limit_at(c, k, u1);
+    double grows0 = 0, grows1 = 0;
+    if (dof_ == 3) {
+      grows0 = threshold_rate(node(c, k), u0[c.place(2) + std::size_t(k)]);
+      grows1 = threshold_rate(node(c, k), u1[c.place(2) + std::size_t(k)]);
+    }
+    for (const double side : {1., -1.})
+      if (side > 0 || both_sides_)
+        candidates_.rests(k, side, side * force0[k] - limit0, side * force1[k] - limit1,
+                          side * rate0[k] - grows0, side * rate1[k] - grows1, limit1);
+  }
+}
+
+// The largest Candidate::beyond() at a part of the step.
+double ClusterSteps::furthest(Cluster& c, double dt, double part) {
+  const bool at_end = part > 1 - close;  // which the polynomial misses by its error
+  const int block = at_end ? Cluster::next : Cluster::stage;
+  double most = -infinity;
+  if (dof_ == 2 && N_ == 0) {  // of the candidates alone
+    std::vector<double> weights;
+    if (!at_end) weights = method_->weights_at(part, dt);
+    for (const Candidate& one : candidates_.list) {
+      const std::size_t k = std::size_t(one.node) + c.place(one.rests ? 1 : 0);
+      double value = c.block(at_end ? Cluster::next : Cluster::now)[k];
+      for (std::size_t j = 0; j < weights.size() && !at_end; ++j)
+        value += weights[j] * c.block(Cluster::slopes + int(j))[k];
+      most = std::max(most, one.beyond(value, c.limit[one.node], part));
+    }
+    return most;
+  }
+  if (!at_end) interpolate(c, part, c.block(block));
+  const double* const force = forces(c, block, 1);
+  for (const Candidate& one : candidates_.list)
+    most = std::max(most, one.beyond(one.rests ? force[one.node] : c.column(block, 0)[one.node],
+                                     one.rests ? limit_at(c, one.node, c.block(block)) : 0, part));
+  return most;
+}
+
+// The first start or stop within the step, where `next` is then, with the slope there behind the others.
+Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
+  find_candidates(c, dt);
+  if (candidates_.reached == infinity) return Found::none;
+  const auto any_fresh = [&](bool asked) {
+    return asked && std::any_of(candidates_.list.begin(), candidates_.list.end(),
+                                [](const Candidate& one) { return one.fresh; });
+  };
+  const Place place = locate(
+      candidates_.estimate, candidates_.reached, [&](double at) { return furthest(c, dt, at); }, any_fresh);
+  if (place.found != Found::at) return place.found;
+  part = place.part;
+  if (!(part > 1 - close)) interpolate(c, part, c.block(Cluster::next));
+  snap(c);
+  take_slope(c, c.t0 + part * dt, c.block(Cluster::next), cut_slope(c));
+  return Found::at;
+}
+
+// Nodes whose change has come, to round-off, get psi = 0 or their threshold exactly: first every psi, which
+// others may feel.
+void ClusterSteps::snap(Cluster& c) {
+  struct Limit {
+    PetscInt k;
+    double side;
+  };
+  std::vector<Limit> limits;
+  double* const psi = c.column(Cluster::next, 0);
+  const double *const force0 = forces(c, Cluster::now, 0), *const psi0 = c.column(Cluster::now, 0);
+  const double *const u0 = c.block(Cluster::now), *const u1 = c.block(Cluster::next);
+  const double* const force = forces(c, Cluster::next, 1);
+  for (const Candidate& one : candidates_.list) {
+    const PetscInt k = one.node;
+    if (one.beyond(one.rests ? force[k] : psi[k], one.rests ? limit_at(c, k, u1) : 0, 1) < -close) continue;
+    if (one.rests)
+      limits.push_back({k, one.side});
+    else
+      psi[k] = 0;
+  }
+  for (PetscInt k = 0; k < c.count; ++k) {
+    if (scene_.held(node(c, k))) continue;
+    if (c.direction[k] != 0) {
+      if (stops(c.direction[k], psi0[k], psi[k])) psi[k] = 0;
+      continue;
+    }
+    const double limit0 = limit_at(c, k, u0), limit1 = limit_at(c, k, u1);
+    for (const double side : {1., -1.})
+      if ((side > 0 || both_sides_) && arrives(side * force[k] - limit1, side * force0[k] - limit0, limit1))
+        limits.push_back({k, side});
+  }
+  if (limits.empty()) return;
+  const double *const eta = c.column(Cluster::next, 1), *const total = forces(c, Cluster::next, 1);
+  for (const auto& [k, side] : limits) put_at_threshold(c, k, side, N_ > 0 ? total[k] - eta[k] : 0);
+}
+
+// Makes the force on the node its threshold, not less by round-off. `besides`: what viscosity adds to eta.
+void ClusterSteps::put_at_threshold(Cluster& c, PetscInt k, double side, double besides) {
+  const double limit = limit_at(c, k, c.block(Cluster::next));
+  double& eta = c.column(Cluster::next, 1)[k];
+  eta = side * limit - besides;
+  for (double step = 1e-16 * limit; side * (eta + besides) < limit; step *= 2) eta += side * step;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,145 @@
+#include "time/resting.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/release.hpp"
+#include "stickslip/numerics/roots.hpp"
+#include "stickslip/time/stick.hpp"
+#include "time/stick_rule.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold)
+    : model_(model), scene_(model.scene()), threshold_(std::move(threshold)), dof_(model.dof()),
+      loaded_(scene_.load.varies()), K0_(scene_.K0()), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
+      since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
+  // without a load nothing but a state that falls lets go against the plate's direction
+  const bool one_way = dof_ == 2 && !loaded_;
+  for (const double direction : {1., -1.}) {
+    if (direction < 0 && !scene_.friction.back_slip) continue;
+    if (one_way && !(direction * scene_.v * K0_ > 0)) continue;
+    sides_.push_back({direction, std::vector<double>(std::size_t(scene_.n), infinity)});
+  }
+}
+
+double RestingNodes::way(double t) const { return loaded_ ? scene_.load.integral(t) : scene_.v * t; }
+
+double RestingNodes::eta(PetscInt i, double t) const {
+  return eta_[i] + K0_ * (loaded_ ? way(t) - way(since_[i]) : scene_.v * (t - since_[i]));
+}
+double RestingNodes::state(PetscInt i, double t) const {
+  return dof_ == 2 ? 0 : model_.friction_law(i).state_at_rest(state_[i], t - since_[i]);
+}
+double RestingNodes::rate(double t) const { return K0_ * (loaded_ ? scene_.load(t) : scene_.v); }
+
+void RestingNodes::set(PetscInt i, double t, double eta, double state) {
+  eta_[i] = eta;
+  since_[i] = t;
+  if (dof_ == 3) state_[i] = state;
+}
+
+double RestingNodes::key(PetscInt i, double direction) const {
+  const double force = direction * eta_[i];
+  if (dof_ == 3) {
+    const double wait = release_time(model_.friction_law(i), model_.amplitude()[i], force,
+                                     direction * K0_ * scene_.v, state_[i], infinity);
+    return since_[i] + wait;
+  }
+  const double lacks = threshold_(i, 0) - force;
+  if (!loaded_) return since_[i] + std::max(0., lacks / std::abs(K0_ * scene_.v));
+  return K0_ > 0 ? direction * way(since_[i]) + lacks / K0_ : infinity;
+}
+
+void RestingNodes::rests(PetscInt i) {
+  for (Side& side : sides_) side.key[i] = key(i, side.direction);
+  goes_on_resting(i);
+}
+
+void RestingNodes::goes_on_resting(PetscInt i) {
+  rests_[i] = true;
+  for (Side& side : sides_)
+    if (side.key[i] < infinity) side.heap.push({side.key[i], i});
+}
+
+// The first time from `from` on, if there is one up to `until`, at which the plate's way, times the
+// direction, is at least `level` and grows. Looked for in pieces of time in each of which v(t) changes its
+// sign at most once.
+double RestingNodes::passage(double direction, double level, double from, double until) const {
+  const Load& load = scene_.load;
+  const auto gained = [&](double t) { return direction * load.integral(t) - level; };
+  for (double begin = from; begin < until;) {
+    const int piece = load.piece_from(begin);
+    const auto speed = [&](double t) { return direction * load.in_piece(piece, t); };
+    double end = std::min(begin + load.smooth_time() / 16, load.next_corner(begin)), first = begin;
+    if (!std::isfinite(end)) {  // v is constant from here on
+      if (!(speed(begin) > 0)) return infinity;
+      end = begin + std::max(1., -1.01 * gained(begin) / speed(begin));
+    }
+    double last = end;
+    const bool starts = speed(first) > 0;
+    if (starts != (speed(last) > 0)) {
+      const double turn = last_place([&](double t) { return (speed(t) > 0) == starts; }, first, last);
+      (starts ? last : first) = starts ? turn : std::nextafter(turn, infinity);
+    } else if (!starts) {
+      last = first;
+    }
+    if (last > first && gained(last) >= 0) {  // it grows from first to last
+      if (gained(first) >= 0) return first;
+      return std::nextafter(last_place([&](double t) { return gained(t) < 0; }, first, last), infinity);
+    }
+    begin = end;
+  }
+  return infinity;
+}
+
+void RestingNodes::drop_old(Side& side) const {
+  while (!side.heap.empty() && !holds(side, side.heap.top())) side.heap.pop();
+}
+
+double RestingNodes::next(double t) {
+  double first = infinity;
+  for (Side& side : sides_) {
+    drop_old(side);
+    if (side.heap.empty()) continue;
+    const double key = side.heap.top().key;
+    if (!by_way()) {
+      first = std::min(first, key);
+      continue;
+    }
+    if (side.of != key || (side.time == infinity && t >= side.asked_until)) {
+      side.of = key;
+      side.asked_until = t + longest_;
+      side.time = passage(side.direction, key, t, side.asked_until);
+    }
+    first = std::min(first, std::min(side.time, side.asked_until));
+  }
+  return std::max(first, t);
+}
+
+std::vector<PetscInt> RestingNodes::take_due(double t) {
+  std::vector<PetscInt> due;
+  for (Side& side : sides_) {
+    if (by_way() && !(side.time <= t)) continue;
+    for (drop_old(side); !side.heap.empty(); drop_old(side)) {
+      const auto [key, i] = side.heap.top();
+      const double s = state(i, t), limit = threshold_(i, s);
+      const double ahead = by_way() ? K0_ * (key - side.direction * way(t)) : std::abs(rate(t)) * (key - t);
+      // at once, to round-off, with the first of them
+      if (key > (by_way() ? side.of : t) && ahead > stick_rule::close * limit) break;
+      side.heap.pop();
+      rests_[i] = false;
+      set(i, t, side.direction * limit, s);
+      due.push_back(i);
+    }
+  }
+  return due;
+}
+
+}  // namespace stickslip

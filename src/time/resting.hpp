@@ -1,0 +1,88 @@
+// What rests beyond all clusters (clusters.hpp), in closed form: eta grows by K0 times the plate's way, and
+// the state goes on by itself. Two heaps, one for each direction, say which node lets go next: by the way
+// that the plate has to come until then, which under a load v(t) all nodes share; by the time with a state,
+// where it is found for each node, and may not exist. No neighbour of such a node moves, so viscosity
+// between neighbours adds nothing.
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <queue>
+#include <vector>
+
+#include "stickslip/model/model.hpp"
+
+namespace stickslip {
+
+class RestingNodes {
+ public:
+  // threshold(node, state): the force that holds it. No node rests yet.
+  RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold);
+
+  double eta(PetscInt i, double t) const;
+  double state(PetscInt i, double t) const;
+  double rate(double t) const;  // of eta; at a corner of a load of the piece that begins there
+  double last_eta(PetscInt i) const { return eta_[i]; }  // as it was set
+  double last_state(PetscInt i) const { return dof_ == 3 ? state_[i] : 0; }
+  // Node i is like this at t; what it does from then on is said by one of the two below it.
+  void set(PetscInt i, double t, double eta, double state);
+  void rests(PetscInt i);
+  void leaves(PetscInt i) { rests_[i] = false; }  // for a cluster
+
+  // When the next one comes to its threshold, or when that is to be asked again, from t on, to which all is
+  // done.
+  double next(double t);
+  // Nodes that come to their thresholds then, which do not rest from there on. May be none.
+  std::vector<PetscInt> take_due(double t);
+
+  // What a checkpoint holds, but for which nodes rest: that is told behind it.
+  template <class Archive>
+  void archive(Archive& a) {
+    std::vector<std::vector<double>*> lists = {&eta_, &since_};
+    if (dof_ == 3) lists.push_back(&state_);
+    for (Side& side : sides_) lists.push_back(&side.key);
+    a.nodes("clusters.rest", lists);
+    a.list("clusters.releases", [&](auto& x) {
+      for (Side& side : sides_) x(side.time, side.of, side.asked_until);
+    });
+  }
+  void goes_on_resting(PetscInt i);
+
+ private:
+  struct Release {
+    double key;
+    PetscInt node;
+    bool operator<(const Release& other) const {  // for a heap, which has the largest first
+      return key != other.key ? key > other.key : node > other.node;
+    }
+  };
+  struct Side {
+    double direction;
+    // of each node: the time of its release, or under a load without a state the plate's way then, times the
+    // direction
+    std::vector<double> key;
+    std::priority_queue<Release> heap = {};
+    // Under a load: the time of the release that has the key `of`, or infinity where there is none before
+    // `asked_until`.
+    double time = std::numeric_limits<double>::infinity(), of = std::numeric_limits<double>::quiet_NaN(),
+           asked_until = -std::numeric_limits<double>::infinity();
+  };
+  bool by_way() const { return loaded_ && dof_ == 2; }
+  double way(double t) const;
+  double key(PetscInt i, double direction) const;
+  bool holds(const Side& side, const Release& r) const { return rests_[r.node] && side.key[r.node] == r.key; }
+  void drop_old(Side& side) const;
+  double passage(double direction, double level, double from, double until) const;
+
+  const Model& model_;
+  const Scene& scene_;
+  std::function<double(PetscInt, double)> threshold_;
+  int dof_;
+  bool loaded_;
+  double K0_, longest_;  // the latter: as far as a load is looked at ahead
+  std::vector<double> eta_, since_, state_;
+  std::vector<bool> rests_;
+  std::vector<Side> sides_;
+};
+
+}  // namespace stickslip
