@@ -247,13 +247,13 @@ def draw_boundary(file, args):
     (draw_diagram if two else draw_line)(picture, axes, file)
     if "verified/value" in file:
         group = file["verified"]
-        for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):
+        for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("bistable", "s"), ("undecided", "x")):
             chosen = np.array([text(r) == regime for r in group["regime"][...]])
             if chosen.any():
                 y = group["value2"][...][chosen] if two else np.zeros(chosen.sum())
                 line, = axes.plot(group["value"][...][chosen], y, mark, color=GREEN, ms=7, mfc="none", mew=1.4, ls="none",
                                   clip_on=False)  # a mark on the border of the picture is shown whole
-                picture.label(axes, f"integrated: {regime}".replace("both live", "bistable"), line)
+                picture.label(axes, f"integrated: {regime}", line)
     same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
     picture.title(scene_title(file, [text(file.attrs["parameter"]), text(file.attrs.get("parameter2", "")), *same]))
     return picture
@@ -280,8 +280,8 @@ def mark_criticality(picture, axes, file):
 
 
 def overlay_boundaries(files, args):
-    """Stability diagrams over each other, which must have the same axes: the curves with the bands beside them in which
-    both live, and the closed forms as marks."""
+    """Stability diagrams over each other, which must have the same axes: the curves with the bands beside them that
+    are bistable, and the closed forms as marks."""
     names = [tuple(text(file.attrs.get(one, "")) for one in ("parameter", "parameter2")) for file in files]
     if len(set(names)) > 1 or not names[0][1]:
         raise Unusable("and the others do not vary the same two options")

@@ -199,7 +199,7 @@ void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary
   ends.push_back(1);
   say_along(summary, axis, "uniform motion", ends, [&](double middle) {
     const double here = found.distances[std::lround(middle * cells)];
-    return std::isnan(here) ? "rests for ever" : here < 0 ? "can stick and slip" : "cannot stick and slip";
+    return std::isnan(here) ? "rests permanently" : here < 0 ? "can stick and slip" : "cannot stick and slip";
   });
 }
 
@@ -241,7 +241,7 @@ void describe_criticality(Summary& summary, const std::vector<Axis>& axes,
   if (up > 0) summary.say(share(up) + "stick-slip grows out of sliding (supercritical)");
   if (down > 0)
     summary.say(share(down) +
-                "sliding loses to stick-slip by a jump (subcritical): both live beside the boundary");
+                "sliding jumps to stick-slip (subcritical): the two coexist beside the boundary");
   if (std::any_of(points.begin(), points.end(),
                   [](auto& c) { return c.degenerate && c.criticality.known(); }))
     summary.say("many modes cross at once; the criticality is that of the longest, taken alone");

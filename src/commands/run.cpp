@@ -178,8 +178,9 @@ std::vector<SummaryKey> observed_keys() {
       {"probes", "", "at each of `out_probes`: `x`, and `psi`, `eta` at `t_end`, interpolated"},
       {"regime", "",
        "where the motion goes. `sliding`: steady sliding, or on the way to it; `stick-slip`: an oscillation "
-       "that stays, with rests or without any (`rest_fraction`); `stuck`: at rest for ever; `decaying`, "
-       "`growing`: an oscillation on its way down or up; `undecided`: the run was too short to tell"},
+       "that stays, with rests or without any (`rest_fraction`); `stuck`: permanently at rest; "
+       "`decaying`, `growing`: an oscillation on its way down or up; `undecided`: the run was too short to "
+       "tell"},
       {"regime_reason", "",
        "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`, "
        "`load_halt`)"},

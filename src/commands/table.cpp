@@ -104,7 +104,7 @@ std::string general_help() {
   return text +
          "\nA scene is a YAML file of options: `model: {gamma: 3}` is -model_gamma 3. PETSC_OPTIONS and the "
          "command\n"
-         "line stand above it, with every option of PETSc and SLEPc (-ts_type, -ts_rtol, -log_view, ...).\n"
+         "line override it, with every option of PETSc and SLEPc (-ts_type, -ts_rtol, -log_view, ...).\n"
          "stickslip COMMAND -help lists the command's own options, -help all those of PETSc and SLEPc as "
          "well;\n"
          "stickslip --version tells the versions.\n";

@@ -168,7 +168,7 @@ Continuation::End Walk::accepted() {
   if (const std::optional<double> limit = infinite_period()) {
     branch_.special.push_back(
         {"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0, branch_.points.size() - 1});
-    return "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) +
+    return "the period grows without bound at " + name_ + " = " + rounded_text(*limit, 8) +
            ": the limit of the branch, left at a period of " + rounded_text(period, 8);
   }
   if (period > most_periods * first_period_)

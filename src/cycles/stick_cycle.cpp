@@ -193,7 +193,7 @@ std::string to_string(Fate fate) {
     case Fate::repeats: return "sticks and slips periodically";
     case Fate::slides: return "slides steadily";
     case Fate::oscillates: return "oscillates without rest";
-    case Fate::stuck: return "rests for ever";
+    case Fate::stuck: return "rests permanently";
     case Fate::grows: return "grows without bound";
     default: return "sticks and slips without repeating";
   }

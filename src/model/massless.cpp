@@ -89,7 +89,7 @@ std::string jump_at_rest(const MasslessNode& node) {
   if (!node.law.has_state && !(node.B + node.amplitude * p.F_psi > 0))
     return fmt::format(
         "as a block begins to slip friction falls with velocity at least as fast as the resistance zeta/f0 = "
-        "{:.6g} makes up for (slope {:.6g}), and its velocity would jump",
+        "{:.6g} can balance (slope {:.6g}), and its velocity would jump",
         node.B, node.amplitude * p.F_psi);
   return "";
 }

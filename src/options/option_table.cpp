@@ -340,7 +340,7 @@ void output_options(TableBuilder& t) {
   t.choice("progress", {"auto", "on", "off"},
            "progress on standard error, and at the end some lines on the results; off: neither");
   t.in("Output", "run");
-  t.boolean("check", "false", "read, check, say size, cost and method, and do nothing");
+  t.boolean("check", "false", "check the scene and print size, cost and method without running");
   t.positive("out_every", "", "time between frames", "time").unset("none");
   t.integer("out_frames", "200", 2, int_max, "frames, equally spaced, both ends included");
   t.positive("out_limit", "20", "frames that would need more are refused", "GB");
@@ -524,7 +524,8 @@ void fit_options(TableBuilder& t) {
            "its second column: the force of the springs (eta), the velocity psi or the displacement since "
            "the start, "
            "the mean over the nodes");
-  t.choice("fit_against", {"time", "displacement"}, "its first column: time, or the way of the load point");
+  t.choice("fit_against", {"time", "displacement"},
+           "its first column: time, or the displacement of the load point");
   t.add("fit_parameters", OptionType::text_list, "", "options that are sought, e.g. friction_a,friction_b")
       .unset("none");
   t.integer("fit_starts", "4", 1, 1e6, "starts of the search: the scene's values, and draws around them");

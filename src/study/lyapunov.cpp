@@ -137,7 +137,7 @@ std::string lyapunov_words(const Summary& summary) {
   if (list.size() > most) text += ", ... (" + std::to_string(list.size()) + " in all)";
   const Json &first = list[0]["value"], &its_error = list[0]["error"];
   if (!first.is_null() && !its_error.is_null() && first.get<double>() > 3 * its_error.get<double>())
-    text += ": nearby motions part, twice as far every " + rounded_text(std::log(2) / first.get<double>(), 2);
+    text += ": errors double every " + rounded_text(std::log(2) / first.get<double>(), 2) + " time units";
   const Json& dimension = summary.get("lyapunov_dimension");
   if (!dimension.is_null()) text += "; dimension " + rounded_text(dimension.get<double>(), 3);
   return text;

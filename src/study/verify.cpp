@@ -83,7 +83,7 @@ void follow_both(Verified& v, const Options& options, const Scene& scene, const 
   v.from_sliding = to_string(near);
   v.from_stick_slip = to_string(far);
   v.regime = near == far                                            ? to_string(near)
-             : near == Motion::sliding && far == Motion::stick_slip ? "both live"
+             : near == Motion::sliding && far == Motion::stick_slip ? "bistable"
                                                                     : to_string(Motion::undecided);
 }
 

@@ -79,7 +79,7 @@ void Integrator::Impl::after_step() {
   if (dt == 0) {
     const std::string lost = model.velocity_jump(step.u);
     throw failure("the step has shrunk to nothing at t = {} (step {}); {}", number_text(step.t), step.index,
-                  lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost);
+                  lost.empty() ? "loosen ts_rtol and ts_atol, or remove jumps from the scene" : lost);
   }
   check_floor(step);
   if (stick)

@@ -141,7 +141,7 @@ IN_V = "-model_form chain -boundary_parameter model_v -boundary_from 0.05 -bound
 @pytest.mark.parametrize("stable_side, words", [
     ("sliding", "-model_delta_sign printed -grid_n 32 -grid_length 20 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 2"),
     ("sliding", IN_V + "16"), ("sliding", IN_V + "16 -bc_left velocity -bc_left_value 1.1 -bc_right free"),
-    ("both live", IN_V + "4 -friction_law carlson-langer"), ("both live", IN_V + "4 -friction_law coulomb -state_law healing"),
+    ("bistable", IN_V + "4 -friction_law carlson-langer"), ("bistable", IN_V + "4 -friction_law coulomb -state_law healing"),
     ("sliding", "-model_form chain -grid_n 8 -friction_law rate-and-state -model_v 0.1 -boundary_parameter model_k0 "
                 "-boundary_from 0.01 -boundary_to 10 -boundary_log true")])
 def test_verified_scenes(stable_side, words):
@@ -186,7 +186,7 @@ def test_plain_models():
 
 
 def test_verified_with_stick():
-    # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it both live
+    # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it bistable
     found, _ = run("-model_form chain -model_zeta paper -friction_law carlson-langer -grid_n 16 -boundary_parameter model_v "
                    "-boundary_from 0.5 -boundary_to 3 -boundary_of sliding -boundary_verify 1", command="boundary")
     critical = (0.1 * 0.2) ** -0.25 - 1

@@ -43,7 +43,7 @@ def test_the_block_of_carlson_and_langer():
 def test_runs_on_both_sides_of_both_lines():
     found, _ = run(BLOCK + IN_V + "-boundary_verify 1", command="boundary")
     said = [(v["of"], v["regime"]) for v in found["verified"]]
-    check(said == [("sliding", "stick-slip"), ("sliding", "both live"), ("stick-slip", "both live"), ("stick-slip", "sliding")],
+    check(said == [("sliding", "stick-slip"), ("sliding", "bistable"), ("stick-slip", "bistable"), ("stick-slip", "sliding")],
           found["verified"])
     check(found["warnings"] == [], found["warnings"])
 
@@ -168,7 +168,7 @@ def test_smooth_friction_ends_by_a_fold():
     beside, _ = run(SMOOTHED + f"-model_v {end * 0.9999}", command="cycle")
     check(beside["stable_alike"] and beside["amplitude"] > 2, "just before the fold the cycle that attracts is given")
     said = [(v["of"], v["regime"]) for v in found["verified"]]
-    check(said[-2:] == [("stick-slip", "both live"), ("stick-slip", "sliding")], found["verified"])
+    check(said[-2:] == [("stick-slip", "bistable"), ("stick-slip", "sliding")], found["verified"])
 
 
 def test_a_curve_of_folds():

@@ -145,7 +145,7 @@ def test_refinement_in_two_options():
 
 
 def test_following_shows_hysteresis():
-    # One Carlson-Langer block: between the linear boundary 1.6591479485 and grazing 2.4047128309 both live.
+    # One Carlson-Langer block: between the linear boundary 1.6591479485 and grazing 2.4047128309 it is bistable.
     block = BLOCK.replace("60", "300") + " -sweep_follow -sweep_parameter1 model_v"
     s = sweep(block + " -sweep_values1 1.5,1.6,1.8,2.3,2.5,2.7 -out_file follow.h5")
     regime = table("follow.h5").regime

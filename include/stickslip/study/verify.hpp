@@ -22,7 +22,7 @@ struct Verified {
   std::string expected;
   std::string from_sliding;     // where slightly perturbed sliding goes: a word of output/regime.hpp
   std::string from_stick_slip;  // the same from large oscillations
-  std::string regime;           // both the same, or `both live` (hysteresis), or undecided
+  std::string regime;           // both the same, or `bistable` (hysteresis), or undecided
 };
 
 // `count` points of the curve, each checked on its unstable and its stable side, as far off as makes the
