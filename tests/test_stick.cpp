@@ -220,7 +220,8 @@ TEST_CASE("the energy balance of a chain that sticks", "[serial]") {
   fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
   const InDatabase given(tolerance("1e-9"));
   Integrator integrator(model, MethodSpec::from(given.options), u);
-  Displacement displacement(model);
+  const Plate plate;
+  Displacement displacement(model, plate);
   // Simpson's rule over every step: within a step everything is smooth.
   double begin = 0, end = 0, work = 0, lost = 0;
   Energy last{};

@@ -438,7 +438,8 @@ TEST_CASE("the energy balance holds at every moment", "[energy]") {
   // round-off alone.
   for (const Scene& s : energy_scenes()) {
     Model model(PETSC_COMM_WORLD, s);
-    Displacement displacement(model);
+    const Plate plate;
+    Displacement displacement(model, plate);
     CHECK(displacement.has_energy());
     VecHandle u = model.create_vector(), f = model.create_vector(), moved = model.create_vector();
     fill(model, u);
@@ -464,7 +465,8 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
   }
   for (const Scene& s : scenes) {
     Model model(PETSC_COMM_WORLD, s);
-    Displacement displacement(model);
+    const Plate plate;
+    Displacement displacement(model, plate);
     VecHandle u = model.create_vector(), f = model.create_vector(), chi = displacement.create_vector(),
               later = displacement.create_vector();
     fill(model, u);
@@ -503,7 +505,8 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
         "run", {{"ts_type", "rk", ""}, {"ts_rk_type", "4", ""}, {"ts_dt", number_text(2. / steps), ""}});
     insert_library_options(options);
     Model model(PETSC_COMM_WORLD, s);
-    Displacement displacement(model);
+    const Plate plate;
+    Displacement displacement(model, plate);
     VecHandle u = model.create_vector();
     double* a;
     SS_TRY(VecGetArray(u, &a));
