@@ -163,7 +163,7 @@ void StickMotion::decide(StickState& p) const {
     const double limit = threshold(i, p.u.data());
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
-      const Candidate c{i, side, true, false, false};
+      const PossibleChange c{i, side, true, false, false};
       const double excess = beyond(c, p.u.data()), by = neighbour_force(i, p.u.data());
       const double none =
           // what eta set to limit - neighbour force leaves of it
@@ -174,11 +174,11 @@ void StickMotion::decide(StickState& p) const {
 }
 
 // How far a node is beyond its change, and how fast it goes there.
-double StickMotion::beyond(const Candidate& c, const double* u) const {
+double StickMotion::beyond(const PossibleChange& c, const double* u) const {
   if (!c.rests) return -c.side * u[c.node * dof_];
   return c.side * (u[c.node * dof_ + 1] + neighbour_force(c.node, u)) - threshold(c.node, u);
 }
-double StickMotion::growth(const Candidate& c, const double* u, const double* f) const {
+double StickMotion::growth(const PossibleChange& c, const double* u, const double* f) const {
   if (!c.rests) return -c.side * f[c.node * dof_];
   const double own = dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0;
   return c.side * (f[c.node * dof_ + 1] + neighbour_force(c.node, f)) - own;
@@ -198,8 +198,8 @@ double StickMotion::step_from(const StickState& p, const double* f0, double h, s
 
 // Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies
 // before it, and `high`.
-double StickMotion::locate(const StickState& p, const double* f0, const Candidate& c, double low, double high,
-                           bool turning) const {
+double StickMotion::locate(const StickState& p, const double* f0, const PossibleChange& c, double low,
+                           double high, bool turning) const {
   std::vector<double> u(size()), f(size());
   const auto at = [&](double h) {
     step_from(p, f0, h, 0, u.data());
@@ -229,10 +229,10 @@ double StickMotion::locate(const StickState& p, const double* f0, const Candidat
 // The first change within a step from p to y1, as a length of it (`h`: none), and the nodes that were looked
 // at.
 double StickMotion::first_change(const StickState& p, const double* f0, const double* y1, const double* f1,
-                                 double h, std::vector<Candidate>& at, const Turned& turned) const {
+                                 double h, std::vector<PossibleChange>& at, const Turned& turned) const {
   double first = h;
   at.clear();
-  const auto examine = [&](Candidate c) {
+  const auto examine = [&](PossibleChange c) {
     const double before = growth(c, p.u.data(), f0), behind = growth(c, y1, f1);
     // right at its start: psi_t against it is round-off
     const bool begins = !c.rests && beyond(c, p.u.data()) == 0;
@@ -274,11 +274,11 @@ void StickMotion::accept(StickState& p, const double* y, double h, const double*
 }
 
 // Nodes whose change has come get their psi or eta exactly, every psi first. h: the step that led here.
-void StickMotion::snap(StickState& p, const std::vector<Candidate>& candidates, double h) const {
+void StickMotion::snap(StickState& p, const std::vector<PossibleChange>& candidates, double h) const {
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
-  std::vector<Candidate> reached, stopped;
-  for (const Candidate& c : candidates) {
+  std::vector<PossibleChange> reached, stopped;
+  for (const PossibleChange& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[c.node * dof_];
     if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
     const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15;
@@ -289,16 +289,16 @@ void StickMotion::snap(StickState& p, const std::vector<Candidate>& candidates, 
                                         threshold(c.node, p.u.data()));
     (back ? stopped : reached).push_back(c);
   }
-  for (const std::vector<Candidate>* list : {&stopped, &reached})
-    for (const Candidate& c : *list)
+  for (const std::vector<PossibleChange>* list : {&stopped, &reached})
+    for (const PossibleChange& c : *list)
       if (!c.rests) p.u[c.node * dof_] = 0;
   const auto eta = [&](int node) -> double& { return p.u[node * dof_ + 1]; };
-  for (const Candidate& c : stopped) {
+  for (const PossibleChange& c : stopped) {
     const double most = (1 - 10 * close) * threshold(c.node, p.u.data()),
                  by = neighbour_force(c.node, p.u.data());
     eta(c.node) = std::clamp(eta(c.node) + by, -most, most) - by;
   }
-  for (const Candidate& c : reached)
+  for (const PossibleChange& c : reached)
     if (c.rests) eta(c.node) = c.side * threshold(c.node, p.u.data()) - neighbour_force(c.node, p.u.data());
 }
 
@@ -411,7 +411,7 @@ long StickMotion::most_steps(std::size_t deviations) const {
 std::vector<Change> StickMotion::advance(StickState& p, double until, const Passed& passed,
                                          const Turned& turned) const {
   std::vector<double> f0(size()), f1(size()), y1((p.count + 1) * size());
-  std::vector<Candidate> candidates;
+  std::vector<PossibleChange> candidates;
   rates(p.direction, p.u.data(), f0.data());
   double h = longest_ / 4;
   int idle = 0;  // changes in a row, at one time, that changed no direction
@@ -435,7 +435,7 @@ std::vector<Change> StickMotion::advance(StickState& p, double until, const Pass
     rates(p.direction, y1.data(), f1.data());
     const double place = first_change(p, f0.data(), y1.data(), f1.data(), h, candidates, turned);
     const bool changes = std::any_of(candidates.begin(), candidates.end(),
-                                     [](const Candidate& c) { return c.to_come || c.turns; });
+                                     [](const PossibleChange& c) { return c.to_come || c.turns; });
     if (changes) {
       const double before = p.t;
       step_from(p, f0.data(), place, p.count, y1.data());
@@ -463,7 +463,7 @@ double StickMotion::turn_beyond(const StickState& stopped, int node, double dire
   StickState p{stopped.t, stopped.u, stopped.direction, {}, 0};
   p.direction[node] = direction;
   const std::size_t at = std::size_t(node * dof_);
-  const Candidate c{node, direction, false, false, false};
+  const PossibleChange c{node, direction, false, false, false};
   std::vector<double> f0(size()), f1(size()), u1(size());
   rates(p.direction, p.u.data(), f0.data());
   for (double h = longest_ / 4; direction * p.u[at] > deepest;) {

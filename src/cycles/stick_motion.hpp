@@ -121,25 +121,25 @@ class StickMotion {
   double turn_beyond(const StickState& p, int node, double direction, double deepest) const;
 
  private:
-  struct Candidate {
+  struct PossibleChange {
     int node;
     double side;  // a node at rest: of the threshold; a sliding one: its direction
     bool rests;
     bool to_come;  // at the end of the step the change is past
     bool turns;    // it is a turn at which the node is to stop
   };
-  double beyond(const Candidate& c, const double* u) const;
-  double growth(const Candidate& c, const double* u, const double* f) const;
+  double beyond(const PossibleChange& c, const double* u) const;
+  double growth(const PossibleChange& c, const double* u, const double* f) const;
   void derivative(const StickState& p, const double* y, std::size_t count, double* f) const;
   void blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const;
   std::vector<Change> pass_rest(StickState& p, double until, const Passed& passed) const;
   double step_from(const StickState& p, const double* f0, double h, std::size_t count, double* into) const;
   void accept(StickState& p, const double* y, double h, const double* f0, const Passed& passed) const;
   double first_change(const StickState& p, const double* f0, const double* y1, const double* f1, double h,
-                      std::vector<Candidate>& at, const Turned& turned) const;
-  double locate(const StickState& p, const double* f0, const Candidate& c, double low, double high,
+                      std::vector<PossibleChange>& at, const Turned& turned) const;
+  double locate(const StickState& p, const double* f0, const PossibleChange& c, double low, double high,
                 bool turning) const;
-  void snap(StickState& p, const std::vector<Candidate>& candidates, double h) const;
+  void snap(StickState& p, const std::vector<PossibleChange>& candidates, double h) const;
   std::vector<Change> change(StickState& p) const;
 
   Scene scene_;

@@ -147,18 +147,18 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   base_ = b.base;
   if (directions.size() > 1) backward_ = b.count;
   for (const Points& one : directions) {
-    const std::vector<Piece> pieces = pieces_of(one, straight_beyond);
+    const std::vector<CubicPiece> pieces = pieces_of(one, straight_beyond);
     threshold_ = pieces.front().value;
     std::size_t k = 0;  // the piece at the begin of the bucket
     for (std::int64_t i = 0; i < b.count; ++i) {
-      const Piece& low = pieces[k];
+      const CubicPiece& low = pieces[k];
       const bool met = k + 1 < pieces.size() && bucket_of(pieces[k + 1].from, offset_, shift_) - base_ == i;
       if (!met) {
         buckets_.push_back(
             {low.from, low.value, {low.slope, low.slope}, {low.bend, low.bend}, {low.twist, low.twist}});
         continue;
       }
-      const Piece& high = pieces[++k];
+      const CubicPiece& high = pieces[++k];
       const double h = high.from - low.from, bend = low.bend + 3 * h * low.twist;
       const double slope = low.slope + h * (2 * low.bend + 3 * h * low.twist);
       const bool kink = low.from < one.front().first || k + 1 == pieces.size();  // beside the points given
@@ -171,9 +171,9 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   }
 }
 
-std::vector<FrictionCurve::Piece> FrictionCurve::pieces_of(const Points& points, bool straight_beyond) {
+std::vector<FrictionCurve::CubicPiece> FrictionCurve::pieces_of(const Points& points, bool straight_beyond) {
   const std::vector<double> slopes = slopes_at(points);
-  std::vector<Piece> pieces;
+  std::vector<CubicPiece> pieces;
   if (points.front().first > 0) pieces.push_back({0, points.front().second, 0, 0, 0});
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
     const double h = points[i + 1].first - points[i].first;

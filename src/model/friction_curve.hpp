@@ -63,10 +63,10 @@ class FrictionCurve {
 
  private:
   // value + y (slope + y (bend + y twist)) from `from` to the next.
-  struct Piece {
+  struct CubicPiece {
     double from, value, slope, bend, twist;
   };
-  std::vector<Piece> pieces_of(const Points& points, bool straight_beyond);
+  std::vector<CubicPiece> pieces_of(const Points& points, bool straight_beyond);
 
   std::vector<Bucket> buckets_;  // of one direction, then of the other
   double offset_ = 0, last_ = 0, least_ = 0, threshold_ = 0;

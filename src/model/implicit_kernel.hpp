@@ -180,30 +180,30 @@ struct SolveStage {
     return equation(k, t, i).rises_between(t.start[i], F::has_state ? t.start_state[i] : 0, t.psi[i]);
   }
 
-  // All nodes of a piece at once: one round of Newton's method after the other, in which those that are done
+  // All nodes of a tile at once: one round of Newton's method after the other, in which those that are done
   // stand. As wide as a double, so that the compiler can choose between doubles by it.
   using Flag = std::int64_t;
 
-  // r's coefficients of the nodes of a piece, the amplitude in q.
-  struct Piece {
+  // r's coefficients of the nodes of a tile, the amplitude in q.
+  struct StageColumns {
     alignas(64) double a[tile_size], q[tile_size], R[tile_size];
   };
-  void set_out(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, Piece& piece) const {
+  void set_out(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, StageColumns& columns) const {
     for (PetscInt i = 0; i < count; ++i) {
       const double moves = t.held ? 0 : moving<sticking>(t.direction, begin + i), q = moves * k.q;
-      piece.q[i] = q;
-      piece.a[i] = 1 + moves * (k.a - 1);
-      piece.R[i] = t.z_psi[begin + i] + q * (t.z_eta[begin + i] + k.load);
+      columns.q[i] = q;
+      columns.a[i] = 1 + moves * (k.a - 1);
+      columns.R[i] = t.z_psi[begin + i] + q * (t.z_eta[begin + i] + k.load);
     }
     if (t.amplitude)
-      for (PetscInt i = 0; i < count; ++i) piece.q[i] *= t.amplitude[begin + i];
+      for (PetscInt i = 0; i < count; ++i) columns.q[i] *= t.amplitude[begin + i];
   }
 
   // Leaves `open[i]` 1 where a node is not done; returns whether there is such a node.
   Flag newton(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, Flag* open) const {
-    Piece piece;
-    set_out(k, t, begin, count, piece);
-    const double *const a = piece.a, *const q = piece.q, *const R = piece.R;
+    StageColumns columns;
+    set_out(k, t, begin, count, columns);
+    const double *const a = columns.a, *const q = columns.q, *const R = columns.R;
     alignas(64) double before[tile_size];  // slope of the last round
     double* const psi = t.psi + begin;
     for (PetscInt i = 0; i < count; ++i) {
@@ -260,14 +260,14 @@ struct SolveStage {
     constexpr double done = 0, goes_on = 1, stuck = 2;  // 1. and 2. have no bit in common
     const Stage t = stage;                              // copies, which no store can change
     const F law = friction;
-    Piece piece;
-    set_out(k, t, begin, count, piece);
+    StageColumns columns;
+    set_out(k, t, begin, count, columns);
     alignas(64) double now[tile_size];
     if (t.slope) extrapolate(t, begin, count);
     double *const psi = t.psi + begin, *const state = t.state + begin;
     for (PetscInt i = 0; i < count; ++i) {
       now[i] = goes_on;
-      psi[i] = piece.q[i] != 0 ? psi[i] : piece.R[i];
+      psi[i] = columns.q[i] != 0 ? psi[i] : columns.R[i];
     }
     std::uint64_t left = 1;
     for (int round = 0; round < most && left != 0; ++round) {
@@ -277,7 +277,7 @@ struct SolveStage {
         using elementary::bits_of, elementary::where_less, std::abs;
         const auto& own = friction_of(law, t.node + begin + i);
         const double x = psi[i], s = state[i], going = direction_at<sticking>(t.direction, begin + i);
-        const double a = piece.a[i], q = piece.q[i], R = piece.R[i];
+        const double a = columns.a[i], q = columns.q[i], R = columns.R[i];
         const Partials p = partials_at<sticking>(own, x, s, going);
         const RatePartials g = rate_at<sticking>(own, x, s, going);
         const double r = a * x + q * p.F - R, rs = s - t.z_state[begin + i] - t.h * g.g,

@@ -104,8 +104,8 @@ struct Range {
   PetscInt node = 0;                  // number of the first node, for friction that varies
 };
 
-// A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
-struct Tile {
+// A range of nodes: 0..count-1, and psi[-half_width .. count+half_width-1].
+struct NodeRange {
   const double *psi, *eta, *state;
   const double* amplitude;
   double* f;
@@ -139,8 +139,8 @@ void over_tiles(const Range& r, const Body& body) {
       psi[j - half_width] = left < 0 ? r.before[left + half_width] : r.u[left * dof];
       psi[count + j] = right < r.count ? r.u[right * dof] : r.behind[right - r.count];
     }
-    body(Tile{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count,
-              r.direction ? r.direction + begin : nullptr, r.node + begin});
+    body(NodeRange{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count,
+                   r.direction ? r.direction + begin : nullptr, r.node + begin});
   }
 }
 
@@ -202,7 +202,7 @@ void looked_up_force(const F& friction, const double* psi, const double* state, 
 }
 // force[i] = a_i F.
 template <bool sticking, class F>
-void friction_force(const F& friction, const Tile& t, double* force) {
+void friction_force(const F& friction, const NodeRange& t, double* force) {
   if constexpr (F::looks_up) {
     looked_up_force<sticking>(friction, t.psi, t.state, t.direction, t.amplitude, t.count, force);
   } else {
@@ -243,7 +243,7 @@ struct Whole {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    over_tiles<half_width, dof>(r, [&](const Tile& t) {
+    over_tiles<half_width, dof>(r, [&](const NodeRange& t) {
       alignas(64) double force[tile_size];
       friction_force<false>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
@@ -268,7 +268,7 @@ struct Onto {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    over_tiles<0, dof>(r, [&](const Tile& t) {
+    over_tiles<0, dof>(r, [&](const NodeRange& t) {
       alignas(64) double force[tile_size];
       friction_force<sticking>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
@@ -404,7 +404,7 @@ struct Wave {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    over_tiles<half_width, dof>(r, [&](const Tile& t) {
+    over_tiles<half_width, dof>(r, [&](const NodeRange& t) {
       for (PetscInt i = 0; i < t.count; ++i) {
         const double psi = t.psi[i], eta = t.eta[i], coupling = stencil_sum<half_width>(c, t.psi + i);
         t.f[i * dof] = stencil_only ? 0 : c.A * (eta - c.B * psi);
@@ -424,7 +424,7 @@ struct Reaction {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    over_tiles<0, dof>(r, [&](const Tile& t) {
+    over_tiles<0, dof>(r, [&](const NodeRange& t) {
       alignas(64) double force[tile_size];
       friction_force<false>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {

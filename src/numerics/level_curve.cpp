@@ -36,11 +36,11 @@ class FunctionLine : public PlaneLine {
     return {};
   }
 
-  std::optional<Candidate> ahead(double radius, double heading) override {
+  std::optional<NextPoint> ahead(double radius, double heading) override {
     if (!turn(radius, heading)) return std::nullopt;
     const PlanePoint next = towards(at_, heading, radius);
     next_ = clamped(next);
-    return Candidate{next_, heading, !inside(next)};
+    return NextPoint{next_, heading, !inside(next)};
   }
 
   void accept() override { at_ = next_; }

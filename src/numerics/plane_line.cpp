@@ -27,7 +27,7 @@ LineEnd follow(PlaneLine& line, PlanePoint start, PlaneLine::Way way, const Step
   bool corrected = false;
   for (int count = 0; count < settings.most;) {
     const PlanePoint p = points.back();
-    const std::optional<PlaneLine::Candidate> next = line.ahead(radius, heading);
+    const std::optional<PlaneLine::NextPoint> next = line.ahead(radius, heading);
     if (!next) {
       std::optional<PlanePoint> again;
       if (!corrected && points.size() > 1) again = line.corrected(heading);

@@ -19,7 +19,7 @@ namespace {
 
 // The read-only data of the libraries: segments of their images in memory that are neither written nor run.
 std::vector<std::string_view> constants_of_libraries() {
-  struct Search {
+  struct NameScan {
     std::set<std::string> files;
     std::vector<std::string_view> found;
   } search;
@@ -28,7 +28,7 @@ std::vector<std::string_view> constants_of_libraries() {
     if (dladdr(function, &where)) search.files.insert(where.dli_fname);
   }
   const auto visit = [](dl_phdr_info* image, std::size_t, void* data) {
-    Search& wanted = *static_cast<Search*>(data);
+    NameScan& wanted = *static_cast<NameScan*>(data);
     Dl_info where;  // the program's own image has no name here
     const bool is_named = image->dlpi_name && *image->dlpi_name;
     const char* name = is_named ? image->dlpi_name : "";

@@ -179,7 +179,7 @@ void TangentParts::take_stage(const StageProgram& m, int i, double h, const Line
 }
 
 // The slopes of all vectors; behind it inside_ is at the end of the part. Returns the integral of the trace.
-double TangentParts::take_stages(const StageProgram& m, const Stretch& part, const Inside& inside,
+double TangentParts::take_stages(const StageProgram& m, const StepPart& part, const Inside& inside,
                                  const std::vector<Vec>& y) {
   make_room(m, y.size());
   const double h = part.length * part.dt;
@@ -200,7 +200,7 @@ double TangentParts::take_stages(const StageProgram& m, const Stretch& part, con
   return trace;
 }
 
-double TangentParts::explicit_part(const Stretch& part, const Inside& inside, const std::vector<Vec>& y) {
+double TangentParts::explicit_part(const StepPart& part, const Inside& inside, const std::vector<Vec>& y) {
   const StageProgram& m = dormand_prince();
   const double trace = take_stages(m, part, inside, y);
   for (std::size_t k = 0; k < y.size(); ++k)
@@ -209,7 +209,7 @@ double TangentParts::explicit_part(const Stretch& part, const Inside& inside, co
   return trace;
 }
 
-TangentParts::Tried TangentParts::implicit_part(const Stretch& part, const Inside& inside,
+TangentParts::Tried TangentParts::implicit_part(const StepPart& part, const Inside& inside,
                                                 const std::vector<Vec>& y, const std::vector<Vec>& next) {
   const StageProgram& m = kennedy_carpenter();
   const double h = part.length * part.dt, trace = take_stages(m, part, inside, y);

@@ -27,7 +27,7 @@ class TangentParts {
   // u at the part [0, 1] of a step.
   using Inside = std::function<void(double part, Vec into)>;
   // From `begin`, as long as `length`, both in units of the step dt.
-  struct Stretch {
+  struct StepPart {
     double begin, length, dt;
   };
 
@@ -37,13 +37,13 @@ class TangentParts {
   double rate_until(Vec u);
   // Each y becomes its value at the end of the part; those left out: nullptr. Returns the integral over it of
   // the trace of J, this rank's.
-  double explicit_part(const Stretch& part, const Inside& inside, const std::vector<Vec>& y);
+  double explicit_part(const StepPart& part, const Inside& inside, const std::vector<Vec>& y);
   // The same into `next`, and the largest error of a vector by its estimate: of psi, eta and the state each
   // relative to its own norm over all nodes. Nothing has moved until keep().
   struct Tried {
     double error, trace;
   };
-  Tried implicit_part(const Stretch& part, const Inside& inside, const std::vector<Vec>& y,
+  Tried implicit_part(const StepPart& part, const Inside& inside, const std::vector<Vec>& y,
                       const std::vector<Vec>& next);
   void keep() { std::swap(start_, inside_); }
 
@@ -64,7 +64,7 @@ class TangentParts {
   void linearise(Vec u, Linearisation& at) const;
   void factor(const Linearisation& at, double theta);
   void make_room(const StageProgram& method, std::size_t vectors);
-  double take_stages(const StageProgram& method, const Stretch& part, const Inside& inside,
+  double take_stages(const StageProgram& method, const StepPart& part, const Inside& inside,
                      const std::vector<Vec>& y);
   void take_stage(const StageProgram& method, int i, double h, const Linearisation& at, Vec y, Slopes& k);
   void add_slopes(Vec to, const Slopes& slopes, int count, double h, const double* f, const double* g) const;

@@ -80,7 +80,7 @@ std::optional<JumpAtEnd> AccuracyPlan::jump() {
   const double begin = largest_processor_seconds();
   const Scene grid = Scene::from(impl_->chosen, false);
   const double t = impl_->runs.pilot().t_end();
-  const Jump::Stretch left_out = jump->stretch(grid, t);
+  const Jump::Extent left_out = jump->extent(grid, t);
   const JumpAtEnd found{jump->x(t), jump->height(impl_->request.options, impl_->setting),
                         std::max(0., left_out.from), std::min(grid.length, left_out.to)};
   impl_->seconds += largest_processor_seconds() - begin;

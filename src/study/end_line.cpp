@@ -128,7 +128,7 @@ class LineOfEnds : public PlaneLine {
     return {out ? Way::out : Way::inside, angle};
   }
 
-  std::optional<Candidate> ahead(double radius, double heading) override {
+  std::optional<NextPoint> ahead(double radius, double heading) override {
     const EndPlace& here = way_->back();
     const PlanePoint direction = towards({0, 0}, heading, 1);
     const Border border = border_ahead(here.at, direction);
@@ -145,7 +145,7 @@ class LineOfEnds : public PlaneLine {
     if (!inside(next_->at)) return std::nullopt;
     const double angle = angle_of(here.at, next_->at);
     next_->to_life = across(towards({0, 0}, angle, 1), here.to_life);
-    return Candidate{next_->at, angle, arrives};
+    return NextPoint{next_->at, angle, arrives};
   }
 
   void accept() override {

@@ -193,9 +193,9 @@ namespace {
 
 // ---- the search
 
-class Search {
+class FitSearch {
  public:
-  explicit Search(const FitProblem& problem)
+  explicit FitSearch(const FitProblem& problem)
       : problem_(problem), rows_(problem.data.size()), n_(problem.parameters.size()) {
     double mean = 0, scatter = 0;
     for (const double d : problem.data) mean += d / double(rows_);
@@ -287,7 +287,7 @@ class Search {
   }
   static PetscErrorCode Residual(Tao, Vec x, Vec r, void* context) {
     return guarded([&] {
-      auto& self = *static_cast<Search*>(context);
+      auto& self = *static_cast<FitSearch*>(context);
       const Vector at = self.vector_of(x);
       const auto found = self.try_residual(at);
       if (found) self.last_ = {at, *found};
@@ -297,7 +297,7 @@ class Search {
   }
   static PetscErrorCode Jacobian(Tao, Vec x, Mat J, Mat, void* context) {
     return guarded([&] {
-      auto& self = *static_cast<Search*>(context);
+      auto& self = *static_cast<FitSearch*>(context);
       const Eigen::MatrixXd found = self.jacobian(self.vector_of(x), false);
       double* entries;
       SS_TRY(MatDenseGetArray(J, &entries));
@@ -319,7 +319,7 @@ class Search {
 };
 
 // Every rank solves the same small problem, whose runs they share.
-void Search::make_solver() {
+void FitSearch::make_solver() {
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(n_), x_.out()));
   SS_TRY(VecDuplicate(x_, low_.out()));
   SS_TRY(VecDuplicate(x_, high_.out()));
@@ -346,7 +346,7 @@ void Search::make_solver() {
 
 // Covariance in the variables, out of the singular values of J with columns of length 1; what the data leave
 // open has no error.
-void judge(Search& search, const Eigen::VectorXd& x, const FitProblem& problem, Fit& fit) {
+void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& problem, Fit& fit) {
   const std::size_t n = problem.parameters.size(), rows = problem.data.size();
   const Eigen::VectorXd r = search.residual(x);
   const Eigen::MatrixXd J = search.jacobian(x, true);
@@ -384,7 +384,7 @@ void judge(Search& search, const Eigen::VectorXd& x, const FitProblem& problem, 
 }
 
 // The first start is the scene's; the others are drawn around it, near it and farther off in turn.
-Eigen::VectorXd drawn(const Search& search, const FitProblem& problem, int start) {
+Eigen::VectorXd drawn(const FitSearch& search, const FitProblem& problem, int start) {
   Eigen::VectorXd x = search.scene_values();
   const double spread = most_spread / double(1 << (2 - (start + 2) % 3));
   for (std::size_t k = 0; k < problem.parameters.size() && start > 0; ++k) {
@@ -396,7 +396,7 @@ Eigen::VectorXd drawn(const Search& search, const FitProblem& problem, int start
 }
 
 // Throws UsageError where a run does not depend on a parameter.
-void check_effect(Search& search, const FitProblem& problem) {
+void check_effect(FitSearch& search, const FitProblem& problem) {
   const Eigen::MatrixXd J = search.jacobian(search.scene_values(), false);
   for (std::size_t k = 0; k < problem.parameters.size(); ++k)
     if (J.col(k).isZero(0))
@@ -406,7 +406,7 @@ void check_effect(Search& search, const FitProblem& problem) {
 }  // namespace
 
 Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& best)>& told) {
-  Search search(problem);
+  FitSearch search(problem);
   course_of(problem, problem.options);  // its errors and warnings are the user's to see
   check_effect(search, problem);
   struct Stop {

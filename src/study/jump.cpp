@@ -100,7 +100,7 @@ double Jump::ahead(const Scene& grid, double t) const {
   return widths * grid.h() * std::pow(1 + scene_.c * t / grid.h(), 1 / (1. + grid.order));
 }
 
-Jump::Stretch Jump::stretch(const Scene& grid, double t) const {
+Jump::Extent Jump::extent(const Scene& grid, double t) const {
   const bool returns = std::fmod(scene_.c * t, 2 * scene_.length) > scene_.length,
              rightwards = from_left_ != returns;
   const double right = rightwards ? ahead(grid, t) : behind(t),

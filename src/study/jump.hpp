@@ -27,14 +27,14 @@ class Jump {
 
   // Where it is; it goes to and fro between the ends.
   double x(double t) const;
-  // The stretch about it in which differences on a grid follow nothing: ahead of it six times h (c
+  // The part of the scene about it in which differences on a grid follow nothing: ahead of it six times h (c
   // t/h)^(1/(p+1)), beyond which less than 1e-6 of it is left; behind it a twentieth of the scene, or a
   // quarter of the way that it has gone where that is less.
-  struct Stretch {
+  struct Extent {
     double from, to;
     bool covers(double place) const { return place > from && place < to; }
   };
-  Stretch stretch(const Scene& grid, double t) const;
+  Extent extent(const Scene& grid, double t) const;
   // The fewest cells on which it reaches no farther ahead than behind.
   double least_cells(int order, double t) const;
   // By how much psi behind exceeds psi ahead at ts_max_time; empty once it has met the other end, or where

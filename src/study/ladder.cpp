@@ -223,7 +223,7 @@ double LevelRuns::seen_difference(const Level& a, const Level& b, bool between) 
 // Of psi, at the coarser one's nodes and at probes, where neither's differences see the jump.
 double LevelRuns::difference_beside_jump(const Level& coarse, const Level& fine) const {
   std::vector<double> x;
-  const Jump::Stretch left_out = jump_->stretch(coarse.scene, pilot_.t_end());
+  const Jump::Extent left_out = jump_->extent(coarse.scene, pilot_.t_end());
   const auto add = [&](double at) {
     if (!left_out.covers(at)) x.push_back(at);
   };

@@ -157,8 +157,8 @@ void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
 // d, sides: as forward() has them, d from the first row of the separators on.
 template <int hw>
 bool BandSystemOf<hw>::join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c,
-                                  Separator<hw>* separators, StretchMatrix<hw>& whole) const {
-  StretchMatrix<hw> parts[lanes];
+                                  Separator<hw>* separators, CondensedMatrix<hw>& whole) const {
+  CondensedMatrix<hw> parts[lanes];
   for (int i = 0; i < hw; ++i)
     for (int j = 0; j < hw; ++j)
       for (int l = 0; l < lanes; ++l) {
@@ -170,7 +170,7 @@ bool BandSystemOf<hw>::join_eight(const double* d, const kernel::Sides<hw>& side
   for (const int s : order_of_eight) {
     double own[hw];
     for (int i = 0; i < hw; ++i) own[i] = d[i * lanes + s];
-    StretchMatrix<hw> both;
+    CondensedMatrix<hw> both;
     positive = separators[s].eliminate(own, c, parts[s & (s + 1)], parts[s + 1], both) && positive;
     parts[s & (s + 1)] = both;
   }
@@ -182,8 +182,8 @@ bool BandSystemOf<hw>::join_eight(const double* d, const kernel::Sides<hw>& side
 template <int hw>
 void BandSystemOf<hw>::load_eight(const kernel::Sides<hw>& sides, const double* b,
                                   const Separator<hw>* separators, double (*own)[hw],
-                                  StretchLoad<hw>& whole) const {
-  StretchLoad<hw> parts[lanes];
+                                  CondensedLoad<hw>& whole) const {
+  CondensedLoad<hw> parts[lanes];
   for (int i = 0; i < hw; ++i)
     for (int l = 0; l < lanes; ++l) {
       parts[l].L[i] = sides.L[i][l];
@@ -191,7 +191,7 @@ void BandSystemOf<hw>::load_eight(const kernel::Sides<hw>& sides, const double* 
       parts[l].behind[i] = b[i * lanes + l];
     }
   for (const int s : order_of_eight) {
-    StretchLoad<hw> both;
+    CondensedLoad<hw> both;
     separators[s].join(parts[s & (s + 1)], parts[s + 1], own[s], both);
     parts[s & (s + 1)] = both;
   }
@@ -293,7 +293,7 @@ Dense BandSystemOf<hw>::outer_matrix() const {
   Dense M = -f.p * outer_d2_;
   for (int i = 0; i < outer_count_; ++i) M(i, i) += outer_d_[i];
   if (root_ >= 0) {
-    const StretchMatrix<hw>& inside = tree_[root_].matrix;
+    const CondensedMatrix<hw>& inside = tree_[root_].matrix;
     const int left = layout_.left_outer() - hw, right = scene_.ring() ? 0 : left + hw;
     for (int i = 0; i < hw; ++i)
       for (int j = 0; j < hw; ++j) {
@@ -334,7 +334,7 @@ template <int hw>
 bool BandSystemOf<hw>::solve_outer() {
   std::vector<double> b = outer_b_;
   if (root_ >= 0) {
-    const StretchLoad<hw>& inside = tree_[root_].load;
+    const CondensedLoad<hw>& inside = tree_[root_].load;
     const int left = layout_.left_outer() - hw, right = scene_.ring() ? 0 : left + hw;
     for (int i = 0; i < hw; ++i) {
       if (!outer_held_[left + i]) b[left + i] += inside.L[i];

@@ -29,8 +29,8 @@ class BandSystemOf : public BandSystem {
   // A stretch of groups, whole or made of two.
   struct Node {
     int left = -1, right = -1;
-    StretchMatrix<hw> matrix;
-    StretchLoad<hw> load;
+    CondensedMatrix<hw> matrix;
+    CondensedLoad<hw> load;
     double d_behind[hw];                    // the diagonal of the separator behind it
     double b[hw], x_left[hw], x_right[hw];  // of the separator in its middle; of those at its ends
   };
@@ -50,7 +50,7 @@ class BandSystemOf : public BandSystem {
     kernel::PieceTable table;
     std::vector<double> W[2];  // of pieces of the least rows, and of one more
     Separator<hw> separators[2][lanes - 1];
-    StretchMatrix<hw> group[2];
+    CondensedMatrix<hw> group[2];
     std::vector<Separator<hw>> nodes;  // of the tree
     Dense outer;                       // the inverse of what is left
   };
@@ -62,9 +62,9 @@ class BandSystemOf : public BandSystem {
   void set_coefficients(Factors& f, double a, double p) const;
   void make_constant(Factors& f, double a, double p);
   bool join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c, Separator<hw>* separators,
-                  StretchMatrix<hw>& whole) const;
+                  CondensedMatrix<hw>& whole) const;
   void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
-                  double (*own)[hw], StretchLoad<hw>& whole) const;
+                  double (*own)[hw], CondensedLoad<hw>& whole) const;
   bool eliminate(const std::vector<int>& nodes);
   void join(const std::vector<int>& nodes);
   void descend(const std::vector<int>& nodes);

@@ -231,11 +231,11 @@ void Clusters::regroup(double t) {
 // From the sliding nodes, in order.
 void Clusters::form(double t) {
   if (sliding_.empty()) return;
-  struct Stretch {
+  struct Extent {
     PetscInt first, last;
   };
   const PetscInt apart = 2 * reach_ + 1;  // sliding nodes of clusters that do not feel each other
-  std::vector<Stretch> found;
+  std::vector<Extent> found;
   for (const PetscInt i : sliding_)
     if (!found.empty() && i - found.back().last < apart)
       found.back().last = i;

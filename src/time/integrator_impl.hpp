@@ -8,7 +8,7 @@
 
 #include "stickslip/time/time.hpp"
 #include "time/choice.hpp"
-#include "time/course.hpp"
+#include "time/advance.hpp"
 #include "time/dense_output.hpp"
 #include "time/equations.hpp"
 #include "time/fused_ts.hpp"
@@ -32,7 +32,7 @@ struct Integrator::Impl {
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
   std::unique_ptr<StickSteps> stick;
-  Course course;
+  Advance advance;
   VecHandle kept;  // u at the beginning of the step, see begin_step
   bool has_kept = false;
   std::function<double(double)> next_output_time;

@@ -10,26 +10,26 @@ struct Block {
   double m[hw][hw];
 };
 
-// Of a stretch whose inside is eliminated: its part of the matrix of the separators at its ends, left and
+// Of nodes whose inside is eliminated (static condensation): their part of the matrix of the separators at its ends, left and
 // right.
 template <int hw>
-struct StretchMatrix {
+struct CondensedMatrix {
   Block<hw> LL, LR, RR;
 };
 // Its part of the right-hand side, and the right-hand side of the separator behind it.
 template <int hw>
-struct StretchLoad {
+struct CondensedLoad {
   double L[hw], R[hw], behind[hw];
 };
 
-// The separator between two stretches, eliminated.
+// The separator between two such, eliminated.
 template <int hw>
 struct Separator {
   Block<hw> inverse, from_left, from_right;  // S^-1; couplings of the ends with it, times S^-1
 
   // `d`: its diagonal, c[k]: beside it. False where a pivot is not positive.
-  bool eliminate(const double* d, const double* c, const StretchMatrix<hw>& left,
-                 const StretchMatrix<hw>& right, StretchMatrix<hw>& both) {
+  bool eliminate(const double* d, const double* c, const CondensedMatrix<hw>& left,
+                 const CondensedMatrix<hw>& right, CondensedMatrix<hw>& both) {
     Block<hw> S;
     for (int i = 0; i < hw; ++i)
       for (int j = 0; j < hw; ++j)
@@ -61,8 +61,8 @@ struct Separator {
   }
 
   // b: the separator's own right-hand side, which becomes that after elimination of both insides.
-  void join(const StretchLoad<hw>& left, const StretchLoad<hw>& right, double* b,
-            StretchLoad<hw>& both) const {
+  void join(const CondensedLoad<hw>& left, const CondensedLoad<hw>& right, double* b,
+            CondensedLoad<hw>& both) const {
     for (int i = 0; i < hw; ++i) b[i] = left.behind[i] + (left.R[i] + right.L[i]);
     for (int i = 0; i < hw; ++i) {
       double l = left.L[i], r = right.R[i];

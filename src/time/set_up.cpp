@@ -66,13 +66,13 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
     equations->set_rates(rosenbrock_rates(method->subtype));
     SS_TRY(TSSetPostStage(ts, PostStage));
   }
-  if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, course);
+  if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, advance);
   read_adaptivity(spec.step > 0, u);
   SS_TRY(TSGetTimeStep(ts, &fixed_dt));
   set_dense_output();
   if (!fused && (guard.undoes() || dense || stick)) kept = model.create_vector();
-  course.report.method = method->name();
-  course.report.implicit = choice.implicit;
+  advance.report.method = method->name();
+  advance.report.implicit = choice.implicit;
 }
 
 void Integrator::Impl::create_ts(Vec u) {

@@ -160,9 +160,9 @@ double Stick::furthest(Vec u, double part) {
   return most;
 }
 
-Stick::Change Stick::first_change(Vec before, Vec after, double dt,
-                                  const std::function<void(double part, Vec into)>& at, Vec landed,
-                                  bool slope_known) {
+Stick::Cut Stick::first_change(Vec before, Vec after, double dt,
+                               const std::function<void(double part, Vec into)>& at, Vec landed,
+                               bool slope_known) {
   engage();
   if (!slope_known) model_.rhs(Part::full, after, next_slope_);
   find_candidates(before, after, dt);
@@ -183,13 +183,13 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     };
     place = locate(candidates_->estimate, candidates_->reached, furthest_at, any_fresh);
   }
-  if (place.found == Found::too_coarse) return {Change::Kind::too_coarse, 0};
+  if (place.found == Found::too_coarse) return {Cut::Kind::too_coarse, 0};
   if (place.found == Found::none) {
     std::swap(slope_, next_slope_);
-    return {Change::Kind::none, 1};
+    return {Cut::Kind::none, 1};
   }
   snap(before, landed);
-  return {Change::Kind::at, place.part};
+  return {Cut::Kind::at, place.part};
 }
 
 // Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which

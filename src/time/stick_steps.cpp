@@ -13,8 +13,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 using Step = Integrator::Step;
 
-StickSteps::StickSteps(const Model& model, TS ts, FusedTs* fused, Course& course)
-    : model_(model), halts_(halts(model.scene())), ts_(ts), fused_(fused), course_(course), stick_(model),
+StickSteps::StickSteps(const Model& model, TS ts, FusedTs* fused, Advance& advance)
+    : model_(model), halts_(halts(model.scene())), ts_(ts), fused_(fused), advance_(advance), stick_(model),
       landed_(model.create_vector()) {
   if (fused_ && fused_->last_is_solution()) fused_->leave_slope_in([this] { return stick_.slope_at_end(); });
 }
@@ -41,7 +41,7 @@ void StickSteps::decide(Vec u, double t) {
 // The plate stands while any node slips. Where none does, it goes on, and what it then lets go at once halts
 // it again.
 void StickSteps::decide_with_plate(Vec u, double t) {
-  Plate& plate = *course_.plate;
+  Plate& plate = *advance_.plate;
   plate.set(model_, t, plate.at(t), false);
   stick_.decide(u);
   if (!stick_.all_rest()) return;
@@ -53,21 +53,21 @@ void StickSteps::decide_with_plate(Vec u, double t) {
 }
 
 void StickSteps::after(Step step, Vec before) {
-  const double t_before = course_.t_before, dt = step.t - t_before;
+  const double t_before = advance_.t_before, dt = step.t - t_before;
   Vec u = step.u;
   const auto inside = step.interpolate;
   const auto at = [&](double part, Vec into) { inside(t_before + part * dt, into); };
   model_.set_time(step.t);
-  const Stick::Change change =
+  const Stick::Cut cut =
       stick_.first_change(before, u, dt, at, landed_, fused_ && fused_->last_is_solution());
-  if (change.kind == Stick::Change::Kind::too_coarse) return take_back(step, before, dt);
-  if (change.kind == Stick::Change::Kind::none) {
+  if (cut.kind == Stick::Cut::Kind::too_coarse) return take_back(step, before, dt);
+  if (cut.kind == Stick::Cut::Kind::none) {
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
     // as a run that goes on from here will
-    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);
+    if (advance_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);
     return;
   }
-  step.t = change.part == 1 ? step.t : t_before + change.part * dt;
+  step.t = cut.part == 1 ? step.t : t_before + cut.part * dt;
   step.u = landed_;
   step.next_dt = fixed_dt_ > 0 ? fixed_dt_ : std::min(step.next_dt, dt);
   step.interpolate = [&, t = step.t](double when, Vec into) {
@@ -76,11 +76,11 @@ void StickSteps::after(Step step, Vec before) {
     else
       inside(when, into);
   };
-  course_.report.t = step.t;
+  advance_.report.t = step.t;
   if (step.t > t_before)
-    course_.tell(ts_, step);
+    advance_.tell(ts_, step);
   else
-    course_.begin_count(ts_, step.index - 1);
+    advance_.begin_count(ts_, step.index - 1);
   SS_TRY(VecCopy(landed_, u));
   decide(u, step.t);
   go_on_from(step.t, step.next_dt);
@@ -88,64 +88,66 @@ void StickSteps::after(Step step, Vec before) {
 }
 
 void StickSteps::take_back(const Step& step, Vec before, double dt) {
-  const double t = course_.t_before;
+  const double t = advance_.t_before;
   SS_TRY(VecCopy(before, step.u));
-  ++course_.report.rejections;  // because a node that began to slip ran backwards
+  ++advance_.report.rejections;  // because a node that began to slip ran backwards
   if (!(t + dt / 8 > t))
     throw Failure("a released node does not begin to slide at t = " + number_text(t) + " (step " +
                   std::to_string(step.index) + ")");
-  course_.begin_count(ts_, step.index - 1);
+  advance_.begin_count(ts_, step.index - 1);
   go_on_from(t, dt / 8);
-  course_.update_report(ts_, model_);
+  advance_.update_report(ts_, model_);
 }
 
 // The next step starts anew, at t and of length dt, unless the run is over: then dt stays for who goes on
 // with it.
 void StickSteps::go_on_from(double t, double dt) {
   SS_TRY(TSSetTime(ts_, t));
-  SS_TRY(TSSetTimeStep(ts_, t < course_.t_end ? std::min(dt, course_.t_end - t) : dt));
+  SS_TRY(TSSetTimeStep(ts_, t < advance_.t_end ? std::min(dt, advance_.t_end - t) : dt));
   SS_TRY(TSRestartStep(ts_));
-  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked                        ? TS_CONVERGED_USER
-                                   : t >= course_.t_end                      ? TS_CONVERGED_TIME
-                                   : course_.steps(ts_) >= course_.max_steps ? TS_CONVERGED_ITS
-                                                                             : TS_CONVERGED_ITERATING));
+  SS_TRY(TSSetConvergedReason(ts_, advance_.stop_asked                         ? TS_CONVERGED_USER
+                                   : t >= advance_.t_end                       ? TS_CONVERGED_TIME
+                                   : advance_.steps(ts_) >= advance_.max_steps ? TS_CONVERGED_ITS
+                                                                               : TS_CONVERGED_ITERATING));
 }
 
 // While everything rests one step leads to the next release, or to the end.
 void StickSteps::pass_rest(Vec u) {
   double t, dt;
-  std::int64_t index = course_.steps(ts_);
+  std::int64_t index = advance_.steps(ts_);
   SS_TRY(TSGetTime(ts_, &t));
   SS_TRY(TSGetTimeStep(ts_, &dt));
-  const auto goes_on = [&] { return t < course_.t_end && !course_.stop_asked && index < course_.max_steps; };
+  const auto goes_on = [&] {
+    return t < advance_.t_end && !advance_.stop_asked && index < advance_.max_steps;
+  };
   for (int without_time = 0; stick_.all_rest() && goes_on();) {
-    const double shown = course_.plate->at(t);  // by the plate's clock
-    const double plate_end = halts_ ? t + (course_.plate->end - shown) : infinity;
-    const double t_end = std::min({course_.t_end, t + Stick::longest_rest(model_.scene()), plate_end});
+    const double shown = advance_.plate->at(t);  // by the plate's clock
+    const double plate_end = halts_ ? t + (advance_.plate->end - shown) : infinity;
+    const double t_end = std::min({advance_.t_end, t + Stick::longest_rest(model_.scene()), plate_end});
     const double wait = stick_.release_after(u, t, t_end - t), until = t + wait < t_end ? t + wait : t_end;
     const double rested = until == t_end ? t_end - t : wait;
     stick_.rest(u, t, rested, landed_);
-    course_.plate_is_over = until == plate_end;
+    advance_.plate_is_over = until == plate_end;
     if (halts_)
-      course_.plate->set(model_, until, course_.plate_is_over ? course_.plate->end : shown + rested, true);
+      advance_.plate->set(model_, until, advance_.plate_is_over ? advance_.plate->end : shown + rested, true);
     if (until > t) {
-      course_.t_before = t;
-      course_.begin_count(ts_, ++index);
+      advance_.t_before = t;
+      advance_.begin_count(ts_, ++index);
       SS_TRY(TSSetTime(ts_, until));
-      course_.update_report(ts_, model_);
-      course_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
-                           if (when == until)
-                             SS_TRY(VecCopy(landed_, into));
-                           else
-                             stick_.rest(u, t, when - t, into);
-                         }});
+      advance_.update_report(ts_, model_);
+      advance_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
+                            if (when == until)
+                              SS_TRY(VecCopy(landed_, into));
+                            else
+                              stick_.rest(u, t, when - t, into);
+                          }});
       without_time = 0;
     } else if (++without_time > 100) {
       throw Failure("nodes begin to slip and rest again without end at t = " + number_text(t));
     }
     SS_TRY(VecCopy(landed_, u));
     t = until;
-    if (course_.plate_is_over) course_.stop_asked = true;
+    if (advance_.plate_is_over) advance_.stop_asked = true;
     decide(u, t);
     go_on_from(t, dt);
   }

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "stickslip/time/stick.hpp"
-#include "time/course.hpp"
+#include "time/advance.hpp"
 #include "time/fused_ts.hpp"
 
 namespace stickslip {
@@ -13,7 +13,7 @@ namespace stickslip {
 class StickSteps {
  public:
   // `fused`: what takes the steps, nullptr where PETSc does.
-  StickSteps(const Model& model, TS ts, FusedTs* fused, Course& course);
+  StickSteps(const Model& model, TS ts, FusedTs* fused, Advance& advance);
 
   void engage() const { stick_.engage(); }
   // At the start of a run, at u. `fixed_dt`: of a method of fixed steps, else 0.
@@ -33,7 +33,7 @@ class StickSteps {
   bool halts_;  // the plate does (plate.hpp)
   TS ts_;
   FusedTs* fused_;
-  Course& course_;
+  Advance& advance_;
   Stick stick_;
   VecHandle landed_;  // u where the step is cut
   double fixed_dt_ = 0;

@@ -45,16 +45,17 @@ PetscErrorCode Integrator::Impl::PostStep(TS ts) {
 
 void Integrator::Impl::begin_step() {
   double dt;
-  SS_TRY(TSGetTime(ts, &course.t_before));
+  SS_TRY(TSGetTime(ts, &advance.t_before));
   SS_TRY(TSGetTimeStep(ts, &dt));
-  SS_TRY(TSGetStepRejections(ts, &course.rejections_seen));
+  SS_TRY(TSGetStepRejections(ts, &advance.rejections_seen));
   if (stick) stick->engage();
   if (dense) dense->forget();
   guard.begin_step(ts);
   equations->begin_step(ts);
   // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall
   // in.
-  has_kept = !fused && (guard.undoes() || stick || (dense && output_due(course.t_before + dt * (1 + 1e-12))));
+  has_kept =
+      !fused && (guard.undoes() || stick || (dense && output_due(advance.t_before + dt * (1 + 1e-12))));
   if (!has_kept) return;
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
@@ -66,13 +67,13 @@ void Integrator::Impl::after_step() {
   SS_TRY(TSGetConvergedReason(ts, &reason));
   if (reason < 0) return;  // no step was taken; advance() says why
   const Step step = step_now();
-  const double reached = course.report.t, dt = step.t - course.t_before;
+  const double reached = advance.report.t, dt = step.t - advance.t_before;
   const bool seen = guard.knows_solution() && !model.scene().massless();  // psi was put in just now
   const bool known = seen || (fused && fused->finite());
-  course.update_report(ts, model);
+  advance.update_report(ts, model);
   model.solve_velocities(step.u);
   if (!known && !all_finite(model, step.u)) {
-    course.report.t = reached;
+    advance.report.t = reached;
     throw failure("the solution is not finite after step {} (t = {}): {}", step.index, number_text(step.t),
                   advice(dt));
   }
@@ -85,7 +86,7 @@ void Integrator::Impl::after_step() {
   if (stick)
     stick->after(step, before());
   else
-    course.tell(ts, step);
+    advance.tell(ts, step);
 }
 
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
@@ -98,8 +99,8 @@ void Integrator::Impl::check_floor(const Step& step) {
   SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
   const double reach = floor * (1 + 1e-7);
   // close to the end steps are cut to hit it
-  if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= course.t_end) return;
-  course.report.t = course.t_before;
+  if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= advance.t_end) return;
+  advance.report.t = advance.t_before;
   throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) +
                 " at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
                 ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
@@ -112,9 +113,9 @@ Integrator::Step Integrator::Impl::step_now() {
   SS_TRY(TSGetTime(ts, &t));
   SS_TRY(TSGetTimeStep(ts, &dt));
   // this one was cut short to end at a corner
-  if (!adaptive && t == course.t_end && t < course.run_end) dt = fixed_dt;
+  if (!adaptive && t == advance.t_end && t < advance.run_end) dt = fixed_dt;
   return {
-      course.steps(ts), course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
+      advance.steps(ts), advance.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
 }
 
 std::string Integrator::Impl::advice(double dt) const {
@@ -143,7 +144,7 @@ std::string Integrator::Impl::advice(double dt) const {
 // ----------------------------------------------------------------------------------------------
 
 bool Integrator::Impl::output_due(double until) {
-  return next_output_time && next_output_time(course.t_before) <= until;
+  return next_output_time && next_output_time(advance.t_before) <= until;
 }
 
 void Integrator::Impl::interpolate(double at, Vec into) {
@@ -157,11 +158,11 @@ void Integrator::Impl::interpolate(double at, Vec into) {
     SS_TRY(VecCopy(u, into));
     return;
   }
-  const double dt = t - course.t_before, part = (at - course.t_before) / dt;
+  const double dt = t - advance.t_before, part = (at - advance.t_before) / dt;
   if (dense) {
     if (!fused && !has_kept) throw std::logic_error("interpolation at a time that was not announced");
     if (stick) stick->engage();
-    dense->interpolate(before(), u, course.t_before, dt, part, into);
+    dense->interpolate(before(), u, advance.t_before, dt, part, into);
   } else if (fused) {
     fused->interpolate(part, into);
   } else {
@@ -170,7 +171,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(model, into))
-    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), course.report.steps,
+    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), advance.report.steps,
                   advice(dt));
 }
 
@@ -179,22 +180,22 @@ void Integrator::Impl::interpolate(double at, Vec into) {
 
 void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer,
                              std::int64_t max_steps) {
-  course.observer = &observer;
-  course.t_end = course.run_end = t_end;
-  course.t_before = t;
-  course.stop_asked = course.plate_is_over = false;
-  course.max_steps = max_steps;
-  course.evaluations_before = model.rhs_evaluations();
+  advance.observer = &observer;
+  advance.t_end = advance.run_end = t_end;
+  advance.t_before = t;
+  advance.stop_asked = advance.plate_is_over = false;
+  advance.max_steps = max_steps;
+  advance.evaluations_before = model.rhs_evaluations();
   SS_TRY(TSSetTime(ts, t));
   SS_TRY(TSSetMaxTime(ts, t_end));
   if (checkpoint) SS_TRY(TSSetTimeStep(ts, checkpoint->dt));
-  course.begin_count(ts, checkpoint ? checkpoint->step : course.steps(ts));
+  advance.begin_count(ts, checkpoint ? checkpoint->step : advance.steps(ts));
   SS_TRY(TSRestartStep(ts));
   SS_TRY(TSSetSolution(ts, u));
-  course.update_report(ts, model);
+  advance.update_report(ts, model);
   model.begin_load(t);
-  if (!checkpoint) course.plate->set(model, t, t, true);
-  if (!checkpoint) course.tell(ts, step_now());
+  if (!checkpoint) advance.plate->set(model, t, t, true);
+  if (!checkpoint) advance.tell(ts, step_now());
   checkpoint.reset();
   guard.start();
 }
@@ -207,15 +208,15 @@ TSConvergedReason Integrator::Impl::solve(Vec u) {
     double t, dt;
     SS_TRY(TSGetTime(ts, &t));
     SS_TRY(TSGetTimeStep(ts, &dt));
-    course.t_end = std::min(course.run_end, load.next_corner(t));
+    advance.t_end = std::min(advance.run_end, load.next_corner(t));
     model.begin_load(t);
-    SS_TRY(TSSetMaxTime(ts, course.t_end));
-    SS_TRY(TSSetTimeStep(ts, std::min(dt, course.t_end - t)));
+    SS_TRY(TSSetMaxTime(ts, advance.t_end));
+    SS_TRY(TSSetTimeStep(ts, std::min(dt, advance.t_end - t)));
     const TSConvergedReason reason = solve_piece(u);
-    course.update_report(ts, model);
-    if (reason < 0 || course.stop_asked || course.report.t >= course.run_end || reason == TS_CONVERGED_ITS)
+    advance.update_report(ts, model);
+    if (reason < 0 || advance.stop_asked || advance.report.t >= advance.run_end || reason == TS_CONVERGED_ITS)
       return reason;
-    SS_TRY(TSSetTimeStep(ts, adaptive ? course.next_dt : fixed_dt));
+    SS_TRY(TSSetTimeStep(ts, adaptive ? advance.next_dt : fixed_dt));
     SS_TRY(TSRestartStep(ts));
   }
 }
@@ -228,8 +229,8 @@ void Integrator::Impl::solve_finite(Vec u) {
     if (std::string(e.what()).find("not-a-number") == std::string::npos) throw;
     double dt;
     SS_TRY(TSGetTimeStep(ts, &dt));
-    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(course.report.t),
-                  course.report.steps, advice(dt));
+    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(advance.report.t),
+                  advance.report.steps, advice(dt));
   }
 }
 
@@ -249,7 +250,7 @@ TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
 
 void Integrator::Impl::fail(TSConvergedReason reason) const {
   const std::string at =
-      fmt::format(" at t = {} (step {})", number_text(course.report.t), course.report.steps);
+      fmt::format(" at t = {} (step {})", number_text(advance.report.t), advance.report.steps);
   if (reason == TS_DIVERGED_NONLINEAR_SOLVE)
     throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
   bool unsolved = fused && !fused->solved();
@@ -280,7 +281,7 @@ void Integrator::set_output_times(std::function<double(double)> next_time) {
   impl_->next_output_time = std::move(next_time);
 }
 
-void Integrator::drive_by(Plate& plate) { impl_->course.plate = &plate; }
+void Integrator::drive_by(Plate& plate) { impl_->advance.plate = &plate; }
 
 void Integrator::continue_from(std::int64_t step, double dt) {
   impl_->checkpoint = {step, dt};
@@ -291,20 +292,20 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
                                std::int64_t max_steps) {
   Impl& m = *impl_;
   m.start(u, t, t_end, observer, max_steps);
-  TimeReport& report = m.course.report;
+  TimeReport& report = m.advance.report;
   report.reason = "end time";
-  if (m.course.stop_asked || t >= t_end) return report;
+  if (m.advance.stop_asked || t >= t_end) return report;
   const TSConvergedReason reason = m.solve(u);
-  m.course.update_report(m.ts, m.model);
+  m.advance.update_report(m.ts, m.model);
   if (reason < 0) m.fail(reason);
   report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps"
-                  : m.course.plate_is_over   ? "ts_max_plate"
-                  : m.course.stop_asked      ? "stopped"
+                  : m.advance.plate_is_over  ? "ts_max_plate"
+                  : m.advance.stop_asked     ? "stopped"
                                              : "end time";
   return report;
 }
 
-const TimeReport& Integrator::report() const { return impl_->course.report; }
+const TimeReport& Integrator::report() const { return impl_->advance.report; }
 int Integrator::interpolation_order() const {
   if (impl_->dense) return impl_->dense->degree();
   return method().type == std::string(TSBDF) ? method().order : 4;

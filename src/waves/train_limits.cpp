@@ -307,7 +307,7 @@ class LimitLine : public PlaneLine {
     return {(forwards ? y >= 1 : y <= 0) ? Way::out : Way::inside, heading_ + (forwards ? 0 : M_PI)};
   }
 
-  std::optional<Candidate> ahead(double radius, double heading) override {
+  std::optional<NextPoint> ahead(double radius, double heading) override {
     const PlanePoint here = box_.place(way_->back().found.limit), t = towards({0, 0}, heading, 1);
     const double rest = t.y > 0 ? (1 - here.y) / t.y : t.y < 0 ? -here.y / t.y : radius + 1;
     const bool arrives = rest <= radius;
@@ -326,7 +326,7 @@ class LimitLine : public PlaneLine {
       if (!(length > 0) || std::isnan(beyond(length))) return std::nullopt;
       at = clamped({border, box_.place(next_.found.limit).y});
     }
-    return Candidate{at, std::atan2(next_.moved.y, next_.moved.x), arrives || leaves};
+    return NextPoint{at, std::atan2(next_.moved.y, next_.moved.x), arrives || leaves};
   }
 
   void accept() override {

@@ -33,7 +33,7 @@ class PlaneLine {
     enum { unknown, out, inside } leads = unknown;
     double heading = 0;  // radians, in the coordinates in which the line's steps are measured
   };
-  struct Candidate {
+  struct NextPoint {
     PlanePoint at;
     double heading;       // from where the line stands
     bool border = false;  // it leaves the square there
@@ -42,7 +42,7 @@ class PlaneLine {
   virtual Way begin(bool forwards) = 0;
   // The point of the line about `radius` from where it stands, nearest to the direction `heading`; empty
   // where none is found.
-  virtual std::optional<Candidate> ahead(double radius, double heading) = 0;
+  virtual std::optional<NextPoint> ahead(double radius, double heading) = 0;
   virtual void accept() = 0;  // it stands at the candidate
   // Where it stands put back on the line, if what it is zero of may have changed since; else empty.
   virtual std::optional<PlanePoint> corrected(double /*heading*/) { return std::nullopt; }

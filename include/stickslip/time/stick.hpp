@@ -65,15 +65,15 @@ class Stick {
 
   // The first change within a step of length dt from `before`, where decide() or the last call left off, to
   // `after`.
-  struct Change {
+  struct Cut {
     enum class Kind { none, at, too_coarse } kind;
     double part;  // of the step that is left when it is cut there, in (0, 1]
   };
   // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
   // `slope_known`: the method has left the right-hand side at `after` in slope_at_end(). too_coarse: a node
   // that began to slip runs backwards at once, which no exact solution does: repeat with a shorter step.
-  Change first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
-                      Vec landed, bool slope_known = false);
+  Cut first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
+                   Vec landed, bool slope_known = false);
   Vec slope_at_end() const { return next_slope_; }
 
   // While every node rests, from u at t on: time until the first begins to slip (infinite: never; with a

@@ -1,4 +1,4 @@
-// The course of one run: who watches it, when it ends, how far it has come.
+// One call to advance: who watches it, when it ends, how far it has come.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace stickslip {
 
-struct Course {
+struct Advance {
   const Integrator::Observer* observer = nullptr;
   double t_before = 0;  // beginning of the step
   // to be hit exactly: the next corner of the load or the end of the run, and the latter
