@@ -127,7 +127,7 @@ double interpolation_error(const Fields& fields, const Scene& scene, const std::
 double GridLadder::between_nodes(const Level& level) const {
   std::vector<double> x;
   for (const double at : request_.probes)
-    if (!runs_.jump() || !runs_.jump()->stretch(level.scene, runs_.pilot().t_end()).covers(at))
+    if (!runs_.jump() || !runs_.jump()->extent(level.scene, runs_.pilot().t_end()).covers(at))
       x.push_back(at);
   return interpolation_error(level.answer.fields, level.scene, x);
 }
