@@ -143,10 +143,10 @@ class Straight : public PlaneLine {
     at_ = {0.5, 0};
     return {forwards ? Way::inside : Way::out, forwards ? M_PI / 2 : -M_PI / 2};
   }
-  std::optional<Candidate> ahead(double radius, double heading) override {
+  std::optional<NextPoint> ahead(double radius, double heading) override {
     next_ = {0.5, std::min(1., at_.y + radius)};
     if (next_.y > top_) return std::nullopt;
-    return Candidate{next_, heading, next_.y == 1};
+    return NextPoint{next_, heading, next_.y == 1};
   }
   void accept() override { at_ = next_; }
   bool vanishes() const override { return vanishing_ && at_.y > top_ - 1e-2; }
