@@ -28,7 +28,7 @@ void Run::set_up_clusters(const std::optional<Checkpoint>& checkpoint) {
   double absolute, relative;
   SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
   clusters_ = std::make_unique<ClusterRun>(
-      problem_.model, absolute, relative,
+      problem_.model, plate_, absolute, relative,
       ClusterRun::Wanted{catalogue_ != nullptr, options_.boolean("out_rupture")});
   clusters_->report.method = integrator_->report().method;
   if (!checkpoint) return;
@@ -49,7 +49,7 @@ ClusterPlan Run::cluster_plan() const {
 }
 
 bool Run::goes_on(std::int64_t steps, double t) {
-  const RunControl::Decision decision = control_->after(steps, t);
+  const RunControl::Decision decision = control_->after(steps, t, plate_ends_at(t));
   if (file_ && decision.checkpoint) {
     clusters_->solution(problem_.u);
     write_checkpoint_at(steps, t, 1, problem_.u);  // each cluster's own next step stands with it
@@ -63,7 +63,7 @@ void Run::advance_clusters(Progress& progress) {
   integrator_.reset();  // with all its vectors
   for (const auto& observer : observers_) plan.observers.push_back(observer.get());
   plan.next_time = [announced = this->plan()](double t) { return announced.next_time(t); };
-  if (catalogue_) plan.event = [this](const SlipEvent& event) { catalogue_->record(event); };
+  if (catalogue_) plan.event = [this](const SlipEvent& event, double shown) { catalogue_->record(event, shown); };
   if (control_->checkpoints_by_steps()) plan.ask_every = 1;
   plan.go_on = [&](std::int64_t steps, double t) {
     if (progress.due()) {

@@ -382,8 +382,7 @@ void Run::advance_whole(Progress& progress) {
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
-  const bool plate_is_over = halts(scene_) && plate_.at(step.t) >= plate_.end;
-  const RunControl::Decision decision = control_->after(step.index, step.t, plate_is_over);
+  const RunControl::Decision decision = control_->after(step.index, step.t, plate_ends_at(step.t));
   if (file_ && decision.checkpoint) write_checkpoint_at(step.index, step.t, step.next_dt, step.u);
   if (decision.stop) return Integrator::Verdict::stop;
   return file_ && decision.restart ? Integrator::Verdict::restart : Integrator::Verdict::go_on;

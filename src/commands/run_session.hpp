@@ -82,6 +82,7 @@ class Run {
   void limit_steps();
   ObservationPlan plan();
   void open_file();
+  bool plate_ends_at(double t) const { return halts(scene_) && plate_.at(t) >= plate_.end; }
   Integrator::Verdict after(const Integrator::Step& step);
   void advance_whole(Progress& progress);
   // Where only what slides is advanced (run_clusters.cpp): whether it is; UsageError where it cannot be.

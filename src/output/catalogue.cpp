@@ -201,18 +201,18 @@ void Catalogue::start(RunFile* file) { file_ = file; }
 void Catalogue::step(const ObservedStep& step) {
   if (is_told_) return;
   events_.step(step.t, Reading(step.u), model_.dof());
-  for (const SlipEvent& event : events_.ended()) enter(event);
+  for (const SlipEvent& event : events_.ended()) enter(event, plate_.at(event.end));
 }
 
-void Catalogue::record(const SlipEvent& event) {
+void Catalogue::record(const SlipEvent& event, double plate_time) {
   ++told_;
-  enter(event);
+  enter(event, plate_time);
 }
 
-void Catalogue::enter(const SlipEvent& ended) {
+void Catalogue::enter(const SlipEvent& ended, double plate_time) {
   const Scene& scene = model_.scene();
   SlipEvent event = ended;
-  if (halts(scene)) event.begin = event.end = plate_.at(ended.end);  // meanwhile the plate stood
+  if (halts(scene)) event.begin = event.end = plate_time;  // meanwhile the plate stood
   magnitudes_.add(std::log(event.moment));
   largest_moment_ = std::max(largest_moment_, event.moment);
   largest_extent_ = std::max(largest_extent_, double(event.count));

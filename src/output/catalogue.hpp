@@ -74,9 +74,10 @@ class Catalogue : public Observer {
   static std::vector<Field> columns(bool halt, bool ruptures);
   static std::vector<Field> rupture_columns();  // of `events/rupture`
 
-  // From now on events come by record(), in order of their ends, and steps show none.
+  // From now on events come by record(), in order of their ends, and steps show none. `plate_time`: what the
+  // plate's clock shows at the event's end.
   void take_events() { is_told_ = true; }
-  void record(const SlipEvent& event);
+  void record(const SlipEvent& event, double plate_time);
 
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override;
@@ -85,7 +86,7 @@ class Catalogue : public Observer {
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:
-  void enter(const SlipEvent& event);
+  void enter(const SlipEvent& event, double plate_time);
 
   const Model& model_;
   const Plate& plate_;

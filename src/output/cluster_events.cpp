@@ -4,6 +4,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "stickslip/model/plate.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -86,7 +87,9 @@ void ClusterEvents::change(double t, const std::vector<PetscInt>& starts, const 
 void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt)>& eta) {
   SlipEvent e = regions_.live().at(id).event;
   const Load& load = scene_.load;
-  const double way = load.varies() ? load.integral(t) - load.integral(e.begin) : scene_.v * (t - e.begin),
+  const double way = halts(scene_)   ? 0
+                     : load.varies() ? load.integral(t) - load.integral(e.begin)
+                                     : scene_.v * (t - e.begin),
                travelled = scene_.K0() * way;
   EventSums sums;
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) {

@@ -16,45 +16,53 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // file up to the time of a checkpoint, but not those at that time, are known to it, as with whole steps.
 class ClusterRun::Told : public Clusters::Watcher {
  public:
-  Told(const Scene& scene, bool ruptures, const Clusters& clusters)
-      : events_(scene, ruptures), clusters_(clusters) {}
+  Told(const Scene& scene, bool ruptures, const Clusters& clusters, const Plate& plate)
+      : events_(scene, ruptures), halts_(halts(scene)), clusters_(clusters), plate_(plate) {}
 
   void step(const MovedNodes& nodes) override { events_.step(nodes); }
   void change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops) override {
     tell_until(t);
     events_.change(t, starts, stops, [&](PetscInt i) { return clusters_.eta_at_rest(i, t); });
-    for (SlipEvent& event : events_.ended()) ended_.push_back(std::move(event));
+    for (SlipEvent& event : events_.ended()) ended_.push_back({std::move(event), plate_.at(t)});
   }
   void tell_until(double t) {
     const auto later =
-        std::find_if(ended_.begin(), ended_.end(), [&](const SlipEvent& e) { return e.end >= t; });
-    for (auto event = ended_.begin(); event != later && take; ++event) take(*event);
+        std::find_if(ended_.begin(), ended_.end(), [&](const Ended& e) { return e.event.end >= t; });
+    for (auto one = ended_.begin(); one != later && take; ++one) take(one->event, one->plate_time);
     ended_.erase(ended_.begin(), later);
   }
   void archive(Archive& a) {
     events_.archive(a);
     a.list("events.ended_in_clusters", [&](NumberList& x) {
-      x.rest(ended_, [&](SlipEvent& e) {
+      x.rest(ended_, [&](Ended& ended) {
+        SlipEvent& e = ended.event;
         std::size_t ruptures = e.rupture.size();
         x(e.begin, e.end, e.first, e.left, e.count, e.direction, e.slip, e.moment, e.stress_drop,
           e.strain_energy, e.friction_work, e.radiated, e.kinetic, ruptures);
+        if (halts_) x(ended.plate_time);
         e.rupture.resize(ruptures);
         x(e.rupture);
       });
     });
   }
 
-  std::function<void(const SlipEvent&)> take;
+  std::function<void(const SlipEvent&, double plate_time)> take;
 
  private:
+  struct Ended {
+    SlipEvent event = {};
+    double plate_time = 0;
+  };
   ClusterEvents events_;
-  std::vector<SlipEvent> ended_;  // in order of their ends
+  const bool halts_;
+  std::vector<Ended> ended_;  // in order of their ends
   const Clusters& clusters_;
+  const Plate& plate_;
 };
 
-ClusterRun::ClusterRun(const Model& model, double atol, double rtol, Wanted wanted)
-    : model_(model), clusters_(model, atol, rtol) {
-  if (wanted.events) told_ = std::make_unique<Told>(model.scene(), wanted.ruptures, clusters_);
+ClusterRun::ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted)
+    : model_(model), clusters_(model, plate, atol, rtol) {
+  if (wanted.events) told_ = std::make_unique<Told>(model.scene(), wanted.ruptures, clusters_, plate);
 }
 ClusterRun::~ClusterRun() = default;
 
@@ -108,10 +116,12 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
     const double wanted = std::min(plan.next_time(t), span.end),
                  reached = clusters_.advance(wanted, span.most_steps, go_on);
     update(reached);
-    if (reached == wanted) {
+    const bool over = clusters_.plate_is_over();
+    if (reached == wanted || over) {
       clusters_.solution(reached, u);
-      show(plan, u, reached);
+      if (reached > shown_) show(plan, u, reached);
       t = reached;
+      if (over) break;
       continue;
     }
     if (!stops) ask(reached);  // after the last step
@@ -120,9 +130,9 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
     report.reason = stops ? "stopped" : "ts_max_steps";
     return;
   }
-  ask(span.end);
+  ask(clusters_.plate_is_over() ? report.t : span.end);
   if (told_) told_->tell_until(infinity);
-  report.reason = "end time";
+  report.reason = clusters_.plate_is_over() ? "ts_max_plate" : "end time";
 }
 
 }  // namespace stickslip

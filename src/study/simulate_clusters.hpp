@@ -17,7 +17,8 @@ struct ClusterPlan {
   TimeSpan span;
   std::vector<Observer*> observers;             // see u at span's ends and where next_time says
   std::function<double(double t)> next_time;    // the first time later than t
-  std::function<void(const SlipEvent&)> event;  // takes events as they end, where they are wanted
+  // Takes events as they end, where they are wanted, with what the plate's clock shows then.
+  std::function<void(const SlipEvent&, double plate_time)> event;
   // Asked after so many steps and at the end, with the steps so far and the time: whether to go on.
   std::int64_t ask_every = 64;
   std::function<bool(std::int64_t steps, double t)> go_on;
@@ -29,7 +30,8 @@ class ClusterRun {
   struct Wanted {
     bool events = false, ruptures = false;
   };
-  ClusterRun(const Model& model, double atol, double rtol, Wanted wanted);
+  // The plate, whose clock it keeps, must outlive it.
+  ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted);
   ~ClusterRun();
 
   // Advances u, from plan.span.begin or from where the checkpoint was; `report` is up to date whenever an

@@ -6,7 +6,6 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/plate.hpp"
 #include "stickslip/time/stick.hpp"
 
 namespace stickslip {
@@ -21,27 +20,28 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 std::string Clusters::refusal(const Scene& s) {
   if (!Stick::applies_to(s)) return "friction does not stick exactly";
-  if (halts(s)) return "the plate halts (load_halt): steps of the whole chain take that";
   if (s.friction.has_state() && s.load.varies())
-    return "friction has a state, and the plate's velocity varies (load_v, load_sine_amplitude)";
+    return "friction has a state, and the plate's velocity varies (load_v, load_sine_amplitude, load_halt)";
   if (s.n < 2 * s.order) return "there are fewer than " + std::to_string(2 * s.order) + " nodes";
   return "";
 }
 
 Clusters::~Clusters() = default;
 
-Clusters::Clusters(const Model& model, double atol, double rtol)
-    : model_(model), scene_(model.scene()), n_(scene_.n), reach_(scene_.order / 2), dof_(model.dof()),
-      ring_(scene_.ring()), both_sides_(scene_.friction.back_slip), steps_(model, atol, rtol),
+Clusters::Clusters(const Model& model, Plate& plate, double atol, double rtol)
+    : model_(model), scene_(model.scene()), plate_(plate), n_(scene_.n), reach_(scene_.order / 2),
+      dof_(model.dof()), ring_(scene_.ring()), both_sides_(scene_.friction.back_slip), halts_(halts(scene_)),
+      steps_(model, atol, rtol),
       resting_(model, [this](PetscInt i, double s) { return steps_.threshold(i, s); }), psi_(n_),
       direction_(n_, 0), owner_(n_, -1), coefficients_(kernel::coefficients_with(scene_, 1)),
       psi_rate_(model.viscous() ? n_ : 0), first_dt_(0.1 / wave_frequency(scene_)) {}
 
 void Clusters::start(Vec u, double t) {
+  if (halts_) plate_.set(model_, t, t, false);
   const Reading a(u);
   for (PetscInt i = 0; i < n_; ++i) {
     psi_[i] = a[dof_ * i];
-    resting_.set(i, t, a[dof_ * i + 1], dof_ == 3 ? a[dof_ * i + 2] : 0);
+    resting_.set(i, clock(t), a[dof_ * i + 1], dof_ == 3 ? a[dof_ * i + 2] : 0);
     freed_.push_back(i);
   }
   regroup(t);
@@ -96,7 +96,7 @@ void Clusters::dissolve(std::size_t id, const double* u, double t) {
   for (PetscInt k = 0; k < c.count; ++k) {
     const PetscInt i = steps_.node(c, k);
     psi_[i] = u[c.place(0) + std::size_t(k)];
-    resting_.set(i, t, u[c.place(1) + std::size_t(k)], dof_ == 3 ? u[c.place(2) + std::size_t(k)] : 0);
+    resting_.set(i, clock(t), u[c.place(1) + std::size_t(k)], dof_ == 3 ? u[c.place(2) + std::size_t(k)] : 0);
     owner_[i] = -1;
     freed_.push_back(i);
   }
@@ -123,11 +123,36 @@ void Clusters::cut_back(std::size_t id, double t) {
   dissolve(id, u.data(), t);
 }
 
+// A plate that halts goes on where no cluster is left.
+double Clusters::next_release() {
+  if (!halts_) return resting_.next(t_);
+  return alive_ > 0 ? infinity : plate_.t + (resting_.next(clock(t_)) - plate_.time);
+}
+
 // The nodes at rest that come to their thresholds now.
 void Clusters::release_due(double t) {
   next_dt_ = first_dt_;
-  freed_ = resting_.take_due(t);
+  if (halts_) plate_.set(model_, t, resting_.next(clock(t_)), false);
+  freed_ = resting_.take_due(clock(t));
+  lets_go_ = true;
   if (!freed_.empty()) regroup(t);
+  lets_go_ = false;
+}
+
+// Where the plate's clock comes to its last time up to t and before anything else happens.
+bool Clusters::end_with_plate(double t, double release) {
+  plate_is_over_ = false;
+  if (!halts_ || alive_ > 0) return false;
+  const double end = plate_.t + (plate_.end - plate_.time);
+  if (end > t || release < end) return false;
+  plate_.set(model_, end, plate_.end, true);
+  t_ = end;
+  return plate_is_over_ = true;
+}
+
+// A held end lets never go.
+void Clusters::await_release(PetscInt i) {
+  if (!scene_.held(i)) resting_.rests(i);
 }
 
 // ---- which nodes are clusters ----
@@ -139,10 +164,15 @@ void Clusters::for_reach(PetscInt i, const Body& body) const {
     if (ring_ || (j >= 0 && j < n_)) body(wrapped(j));
 }
 
-// Whether the stencil of node i looks at a held end, or at what stands for the nodes beyond it.
+// So near a held end that stencils which look beyond it see this node.
+bool Clusters::seen_beyond(End end, PetscInt from_end) const {
+  return end == End::velocity && from_end < (scene_.form == Form::chain ? 1 : scene_.order);
+}
+
+// Whether the stencil of node i looks at a held end that moves, or at what stands for the nodes beyond it.
+// Where the plate halts no end moves.
 bool Clusters::anchored(PetscInt i) const {
-  const PetscInt depth = scene_.form == Form::chain ? 1 : scene_.order;
-  return (scene_.left == End::velocity && i < depth) || (scene_.right == End::velocity && i >= n_ - depth);
+  return !halts_ && (seen_beyond(scene_.left, i) || seen_beyond(scene_.right, n_ - 1 - i));
 }
 
 // D2 at node i; nothing beyond the stencil's reach moves.
@@ -168,7 +198,8 @@ double Clusters::force(PetscInt i) const {
 
 // Its rate, of a node at rest.
 double Clusters::force_rate(PetscInt i) const {
-  const double rate = resting_.rate(t_) + scene_.K1() * second_difference(i, psi_);
+  const double driving = halts_ && !lets_go_ ? 0 : resting_.rate(t_);
+  const double rate = driving + scene_.K1() * second_difference(i, psi_);
   if (!model_.viscous()) return rate;
   const PetscInt order = scene_.order;
   for (PetscInt k = i - order; k <= i + order; ++k) {
@@ -222,8 +253,9 @@ void Clusters::regroup(double t) {
   std::sort(sliding_.begin(), sliding_.end());
   form(t);
   for (const PetscInt i : freed_)
-    if (owner_[i] < 0) resting_.rests(i);
+    if (owner_[i] < 0) await_release(i);
   freed_.clear();
+  if (halts_) plate_.set(model_, t, plate_.time, alive_ == 0);
   counts_.most_at_once = std::max(counts_.most_at_once, alive_);
   if (watcher_ && !(starts_.empty() && stops_.empty())) watcher_->change(t, starts_, stops_);
 }
@@ -247,8 +279,11 @@ void Clusters::form(double t) {
     found.erase(found.begin());
   }
   for (const auto& [first, last] : found) {
-    const PetscInt from = ring_ ? first - reach_ : std::max(first - reach_, PetscInt(0)),
-                   to = ring_ ? last + reach_ : std::min(last + reach_, n_ - 1);
+    PetscInt from = first - reach_, to = last + reach_;
+    if (!ring_) {
+      from = seen_beyond(scene_.left, first) ? 0 : std::max(from, PetscInt(0));
+      to = seen_beyond(scene_.right, n_ - 1 - last) ? n_ - 1 : std::min(to, n_ - 1);
+    }
     gather(from < 0 ? from + n_ : from, to - from + 1, t);
   }
 }
@@ -261,7 +296,7 @@ void Clusters::gather(PetscInt first, PetscInt count, double t) {
     const PetscInt i = steps_.node(c, k);
     c.direction[k] = direction_[i];
     c.column(Cluster::now, 0)[k] = psi_[i];
-    c.column(Cluster::now, 1)[k] = resting_.eta(i, t);
+    c.column(Cluster::now, 1)[k] = resting_.eta(i, clock(t));
     if (dof_ == 3) c.column(Cluster::now, 2)[k] = resting_.state(i, t);
     psi_[i] = 0;
     owner_[i] = int(id);
@@ -293,7 +328,8 @@ double Clusters::advance(double t, std::int64_t most_steps,
     while (!due_.empty() &&
            (!clusters_[due_.top().cluster] || clusters_[due_.top().cluster]->number != due_.top().number))
       due_.pop();
-    const double step = due_.empty() ? infinity : due_.top().t, release = resting_.next(t_);
+    const double step = due_.empty() ? infinity : due_.top().t, release = next_release();
+    if (end_with_plate(t, release)) return t_;
     if (std::min(step, release) > t) return t_ = t;
     if (counts_.steps >= most_steps || !go_on(counts_.steps, t_)) return t_;
     t_ = std::max(t_, std::min(step, release));
@@ -312,7 +348,7 @@ void Clusters::solution(double t, Vec u) const {
   for (PetscInt i = 0; i < n_; ++i) {
     if (owner_[i] >= 0) continue;
     into[dof_ * i] = 0;
-    into[dof_ * i + 1] = resting_.eta(i, t);
+    into[dof_ * i + 1] = resting_.eta(i, clock(t));
     if (dof_ == 3) into[dof_ * i + 2] = resting_.state(i, t);
   }
   std::vector<double> at;
@@ -360,7 +396,8 @@ void Clusters::resume(const std::vector<Kept>& clusters) {
     due_.push({c.t1, id, c.number = kept.number});
   }
   for (PetscInt i = 0; i < n_; ++i)
-    if (owner_[i] < 0) resting_.goes_on_resting(i);
+    if (owner_[i] < 0 && !scene_.held(i)) resting_.goes_on_resting(i);
+  if (halts_) plate_.set(model_, plate_.t, plate_.time, plate_.goes);
 }
 
 }  // namespace stickslip

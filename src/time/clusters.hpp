@@ -12,6 +12,9 @@
 // order of time. Where one makes two clusters one, that which is ahead is cut back to it, by the method's
 // polynomial between steps.
 //
+// A plate that halts (plate.hpp) stands while there is a cluster, and nothing else is loaded then: what rests
+// goes by its clock.
+//
 // For one rank.
 #pragma once
 
@@ -26,7 +29,7 @@
 #include <vector>
 
 #include "model/moved_nodes.hpp"
-#include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 #include "time/cluster_steps.hpp"
 #include "time/resting.hpp"
 
@@ -47,8 +50,9 @@ class Clusters {
                         const std::vector<PetscInt>& stops) = 0;
   };
 
-  // The model must outlive it. Then one of: start() at u; archive() of a checkpoint.
-  Clusters(const Model& model, double atol, double rtol);
+  // The model and the plate, whose clock it keeps where that halts, must outlive it. Then one of: start() at
+  // u; archive() of a checkpoint, with the plate as it was then.
+  Clusters(const Model& model, Plate& plate, double atol, double rtol);
   ~Clusters();
   void start(Vec u, double t);
   // What goes on from a checkpoint goes on to the last bit: each cluster stands at its own time, and its step
@@ -62,7 +66,8 @@ class Clusters {
   double advance(double t, std::int64_t most_steps, const std::function<bool(std::int64_t, double)>& go_on);
   // u at the time reached, or at a later one before anything else happens.
   void solution(double t, Vec u) const;
-  double eta_at_rest(PetscInt node, double t) const { return resting_.eta(node, t); }  // rests since before t
+  double eta_at_rest(PetscInt i, double t) const { return resting_.eta(i, clock(t)); }  // since before t
+  bool plate_is_over() const { return plate_is_over_; }  // its clock has come to Plate::end
 
   double reached() const { return t_; }
   std::int64_t steps() const { return counts_.steps; }
@@ -84,10 +89,16 @@ class Clusters {
   PetscInt wrapped(PetscInt k) const { return k >= n_ ? k - n_ : k < 0 ? k + n_ : k; }
   template <class Body>
   void for_reach(PetscInt i, const Body& body) const;
+  bool seen_beyond(End end, PetscInt from_end) const;
   bool anchored(PetscInt i) const;
   double second_difference(PetscInt i, const std::vector<double>& of) const;
   double force(PetscInt i) const;
   double force_rate(PetscInt i) const;
+
+  double clock(double t) const { return halts_ ? plate_.at(t) : t; }  // which resting nodes go by
+  double next_release();                                              // by the clock of the run
+  bool end_with_plate(double t, double release);
+  void await_release(PetscInt i);
 
   void queue(std::size_t id);
   void show(Cluster& c, double* u_end, double* slope_end, double t);
@@ -112,9 +123,10 @@ class Clusters {
 
   const Model& model_;
   const Scene& scene_;
+  Plate& plate_;
   PetscInt n_, reach_;
   int dof_;
-  bool ring_, both_sides_;
+  bool ring_, both_sides_, halts_;
   ClusterSteps steps_;
   RestingNodes resting_;
   Watcher* watcher_ = nullptr;
@@ -138,6 +150,7 @@ class Clusters {
     std::int64_t steps = 0, node_steps = 0, most_at_once = 0, without_time = 0, number = 0;
   } counts_;
   std::int64_t alive_ = 0;
+  bool lets_go_ = false, plate_is_over_ = false;  // the former: while a plate that goes lets nodes go
 };
 
 template <class Archive>

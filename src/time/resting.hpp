@@ -1,7 +1,8 @@
 // What rests beyond all clusters (clusters.hpp), in closed form: eta grows by K0 times the plate's way, and
 // the state goes on by itself. Two heaps, one for each direction, say which node lets go next: by the way
 // that the plate has to come until then, which under a load v(t) all nodes share; by the time with a state,
-// where it is found for each node, and may not exist. No neighbour of such a node moves, so viscosity
+// where it is found for each node, and may not exist. All times are by the plate's clock where that halts
+// (plate.hpp), as it stands for all of them alike. No neighbour of such a node moves, so viscosity
 // between neighbours adds nothing.
 #pragma once
 

@@ -1,12 +1,14 @@
-"""A plate that halts while a node slips (load_halt): against SciPy, a block in closed form,
-energy, restarts, ranks, limits, refusals."""
+"""A plate that halts while a node slips (load_halt): against SciPy, a block in closed form, clusters against
+whole steps, energy, restarts, ranks, limits, refusals."""
 import glob
+import re
 
 import h5py
 import numpy as np
+import pytest
 
 from calls import check, data, refused, run, same
-from cluster_scenes import catalogue, start_file
+from cluster_scenes import ON, catalogue, drawn_scene, events_alike, start_file
 from halted_chain import HaltedChain
 
 CHAIN = "-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -load_halt -bc_left free"
@@ -85,9 +87,23 @@ def test_a_block_alone():
         check(abs(chi - (8 * (fs - fd) - 0.1) / k0) < 1e-8, f"chi {chi} of four slips")
 
 
-def test_clusters_refuse():
-    refused(CHAIN + " -grid_n 20 -friction_law carlson-langer -friction_sigma 0.1 -init_psi 0 -init_eta 0.5 -ts_max_time 5"
-            " -stick_clusters on", 2, "stick_clusters", "load_halt")
+def test_clusters_are_whole_steps():
+    rng = np.random.default_rng(4)
+    compared = 0
+    for scene in range(6):
+        given, loading = drawn_scene(rng, 40)
+        # neither a load, a state nor an end that moves: what the plate halts for would never end, or is refused
+        given = re.sub(r" -(load|state|init_state)\S* \S+", "", re.sub("(?<=bc_left_value )\\S+", "0", given))
+        alike, of = events_alike(given.replace("-ts_max_time", "-load_halt -ts_max_time 1e6 -ts_max_plate"), loading)
+        check(alike >= min(5, of), f"scene {scene}: {alike} of {of} events: {given}")
+        e = catalogue("own.h5")
+        if "chain" in given or "bc_left periodic" in given:  # at a free end of the continuum nodes weigh half in energies
+            check(np.allclose(e["strain_energy"], e["friction_work"] + e["radiated"], rtol=1e-7), "the plate gives no energy to an event")
+        for name in ("duration", "clock"):
+            check(np.allclose(e[name][:alike], catalogue("whole.h5")[name][:alike], rtol=1e-6), f"{name}: {given}")
+        compared += alike
+    check(compared > 50, f"events compared: {compared}")
+    refused(given + " -load_halt -state_law healing -init_state 1" + ON, 2, "stick_clusters", "load_halt")
 
 
 MEDIUM = (CHAIN + " -grid_n 20 -model_k1 4 -model_v 0.02 -model_zeta 0.1 -friction_law carlson-langer -friction_sigma 0.1 -friction_alpha 2"
@@ -109,8 +125,9 @@ def test_energy_and_the_end_of_the_plate():
     check(len(e["t"]) > 20 and abs(energy[-1] - energy[0] - given.sum() + lost) < 1e-7 * lost, f"{energy[-1] - energy[0]} {given.sum()} {lost}")
 
 
-def test_restarts_go_on_alike():
-    given = MEDIUM + " -ts_max_time 300 -ts_max_plate 30 -out_frames 31 -out_displacement -out_probes 3"
+@pytest.mark.parametrize("steps", ["", ON])
+def test_restarts_go_on_alike(steps):
+    given = MEDIUM + " -ts_max_time 300 -ts_max_plate 30 -out_frames 31 -out_displacement -out_probes 3" + steps
     run(given + " -out_checkpoint_every 40 -out_checkpoint_keep 99 -out_file whole.h5")
     kept = sorted(glob.glob("whole.chk-*.h5"))
     check(len(kept) > 8, f"{len(kept)} checkpoints")
