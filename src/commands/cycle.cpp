@@ -1,7 +1,9 @@
 // The command `cycle`: a periodic oscillation, its multipliers, waves on it, a branch; to the summary, a
 // file, and the terminal.
+#include <algorithm>
 #include <cmath>
 
+#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "commands/continuation.hpp"
 #include "commands/cycle_problem.hpp"
@@ -10,6 +12,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/output/displacement.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/study/run_layout.hpp"
 
@@ -132,6 +135,29 @@ std::string shown(std::complex<double> z) {
                        : fmt::format("{:.6g} ± {:.6g}i", z.real(), std::abs(z.imag()));
 }
 
+// chi at the times of the cycle, as far as its nodes are unknowns of it.
+std::vector<double> displacement_of(const Scene& scene, const Cycle& cycle) {
+  const Model model(PETSC_COMM_SELF, scene);
+  const Plate plate;
+  const Displacement displacement(model, plate);
+  const VecHandle u = model.create_vector(), chi = displacement.create_vector();
+  std::vector<PetscInt> nodes;
+  for (PetscInt i = 0; i < scene.n; ++i)
+    if (cycle.nodes == scene.n || !scene.held(i)) nodes.push_back(i);
+  std::vector<double> all;
+  for (std::size_t k = 0; k < cycle.times.size(); ++k) {
+    {
+      const Writing a(u);
+      for (std::size_t j = 0; j < nodes.size(); ++j)
+        std::copy_n(cycle.at(k, PetscInt(j)), cycle.dof, a + nodes[j] * cycle.dof);
+    }
+    displacement.solve(u, cycle.times[k], chi);
+    const Reading x(chi);
+    for (const PetscInt i : nodes) all.push_back(x[i]);
+  }
+  return all;
+}
+
 // The motion over one period, and what the picture needs of the scene.
 void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
@@ -149,6 +175,7 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.add(standard_field("psi"), {"t", "x"}, fields[0]);
   file.add(standard_field("eta"), {"t", "x"}, fields[1]);
   if (cycle.dof == 3) file.add(standard_field(state_name(law)), {"t", "x"}, fields[2]);
+  file.add(standard_field("chi"), {"t", "x"}, displacement_of(scene, cycle));
   file.add_complex({"multiplier", "1", "Floquet multiplier"}, {"multiplier"}, cycle.multipliers);
   std::vector<RestAt> rests;
   for (const Rest& rest : cycle.rests) rests.push_back({found.x[rest.node], rest.begin, rest.end});

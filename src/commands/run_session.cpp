@@ -13,6 +13,7 @@
 #include "commands/quantities.hpp"
 #include "output/carried_frame.hpp"
 #include "output/frames.hpp"
+#include "output/mean_travel.hpp"
 #include "output/measures.hpp"
 #include "output/rest_fraction.hpp"
 #include "output/series.hpp"
@@ -139,7 +140,7 @@ Answer Run::end() const {
 void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file"))
-    displacement_ = std::make_unique<Displacement>(model, plate_);
+    make_displacement();
   const bool every_step = !takes_clusters();
   if (every_step) {
     auto regime =
@@ -179,6 +180,16 @@ void Run::make_observers(const MeasureMaker& measure) {
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_));
   // after the rows of the same moment
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
+}
+
+void Run::make_displacement() {
+  displacement_ = std::make_unique<Displacement>(problem_.model, plate_);
+  if (!Displacement::floats(problem_.model.scene())) return;
+  if (takes_clusters())
+    throw UsageError(
+        "out_displacement: with model_k0 0 and no held end it is counted from the start over every step of "
+        "the whole medium, which stick_clusters on does not take; leave one of the two out");
+  observers_.push_back(std::make_unique<MeanTravel>(problem_.model, *displacement_));
 }
 
 void Run::archive(Archive a, Origin& at, Vec state) {

@@ -74,6 +74,7 @@ class Run {
       std::optional<Checkpoint> checkpoint);
   double spent() const { return timed_ ? processor_seconds() : 0; }
   void make_observers(const MeasureMaker& measure);
+  void make_displacement();
   // What a checkpoint holds: the state and how far the run has come (`at`, but for what every checkpoint
   // has). Not what -accuracy measures, which a restart does not.
   void archive(Archive a, Origin& at, Vec state);

@@ -18,15 +18,16 @@ constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a fa
 
 }  // namespace
 
-Displacement::Displacement(const Model& model, const Plate& plate) : model_(model), plate_(plate) {
+Displacement::Displacement(const Model& model, const Plate& plate)
+    : model_(model), plate_(plate), floats_(floats(model.scene())) {
   const Scene& s = model.scene();
-  if (s.K0() == 0 && !s.any_held())
+  if (floats_ && s.K1() == 0)
     throw UsageError(
-        "out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
-        "model_k0, or leave it out");
+        "out_displacement: with model_k0 0 and model_k1 0 no force tells where a block is; set one of them, "
+        "or leave it out");
   const int ranks = ranks_in(model.comm());
   const double reach = nodes_to_forget(s) + 2 * s.order;
-  if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks))
+  if (ranks > 1 && !floats_ && s.n >= many && reach < double(s.n) / (4 * ranks))
     make_piece(static_cast<PetscInt>(reach));
   else
     make_whole();
@@ -72,8 +73,9 @@ void Displacement::make_piece(PetscInt margin) {
 template <class Place>
 void Displacement::add_row(PetscInt node, PetscInt row, const Place& place) {
   const Scene& s = model_.scene();
-  SS_TRY(MatSetValue(matrix_, row, row, model_.held(node) ? 1 : s.K0(), ADD_VALUES));
-  if (model_.held(node)) return;
+  const bool given = model_.held(node) || (floats_ && node == 0);  // the latter: 0 there, and then shifted
+  SS_TRY(MatSetValue(matrix_, row, row, given ? 1 : s.K0(), ADD_VALUES));
+  if (given) return;
   for (const auto& [column, weight] : second_difference_row(s, node))
     if (place(column) >= 0) SS_TRY(MatSetValue(matrix_, row, place(column), -s.K1() * weight, ADD_VALUES));
 }
@@ -93,7 +95,34 @@ VecHandle Displacement::create_vector() const {
   return chi;
 }
 
+void Displacement::count_from(std::vector<double> eta, std::function<double(double t)> mean) {
+  eta_at_start_ = std::move(eta);
+  mean_ = std::move(mean);
+}
+
+// chi of a chain that floats.
+void Displacement::solve_since_start(Vec u, double t, Vec chi) const {
+  const double nodes = model_.scene().n;
+  {
+    const Reading a(u);
+    const Writing b(load_);
+    for (PetscInt i = 0; i < model_.local(); ++i)
+      b[i] = eta_at_start_[std::size_t(i)] - a[i * model_.dof() + 1];
+  }
+  PetscScalar sum;  // 0 but for round-off, which must not end in one block
+  SS_TRY(VecSum(load_, &sum));
+  SS_TRY(VecShift(load_, -sum / nodes));
+  if (model_.first() == 0) {
+    const Writing b(load_);
+    b[0] = 0;
+  }
+  SS_TRY(KSPSolve(ksp_, load_, chi));
+  SS_TRY(VecSum(chi, &sum));
+  SS_TRY(VecShift(chi, mean_(t) - sum / nodes));
+}
+
 void Displacement::solve(Vec u, double t, Vec chi) const {
+  if (floats_) return solve_since_start(u, t, chi);
   const double travelled = plate_.travel(model_.scene(), t);
   solve_relative(u, t, travelled, chi);
   SS_TRY(VecShift(chi, travelled));
@@ -127,7 +156,10 @@ bool Displacement::has_energy() const { return !model_.scene().any_held(); }
 Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
   const double damping = s.s_delta() / s.A(), v = model_.plate_velocity(t);
-  solve_relative(u, 0, 0, w_);
+  if (floats_)
+    solve_since_start(u, t, w_);
+  else
+    solve_relative(u, 0, 0, w_);
   VecHandle viscous;
   if (model_.viscous()) {
     viscous = model_.create_vector();
@@ -142,8 +174,8 @@ Energy Displacement::energy(Vec u, double t) const {
     const double *at = a + i * model_.dof(), psi = at[0], z = at[1] + damping * psi;
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
     sums[0] += weight * psi * psi / (2 * s.A());
-    sums[1] -= weight * w[i] * z / 2;
-    sums[2] += weight * v * z;
+    sums[1] -= weight * w[i] * (floats_ ? z + eta_at_start_[std::size_t(i)] : z) / 2;
+    sums[2] += floats_ ? 0 : weight * v * z;
     sums[3] += weight * psi * F;
     sums[4] += weight * (s.B() + damping) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];

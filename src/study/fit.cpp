@@ -14,9 +14,9 @@
 #include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "options/values.hpp"
+#include "output/slip_of_step.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
@@ -44,7 +44,7 @@ constexpr double told_apart = 1e-5;         // ratio of singular values below wh
 class Course : public Measure {
  public:
   Course(const Model& model, CourseOf of, const std::vector<double>& times)
-      : model_(model), of_(of), times_(times), work_(model.create_vector()) {}
+      : model_(model), of_(of), times_(times), slip_(model) {}
 
   void plan(ObservationPlan& plan) override {
     plan.next_times.emplace_back([this](double t) {
@@ -58,11 +58,11 @@ class Course : public Measure {
     for (; sums_.size() < times_.size() && times_[sums_.size()] <= step.t;) {
       const double t = times_[sums_.size()];
       if (of_ == CourseOf::displacement)
-        sums_.push_back(travel_ += slip(step, std::exchange(from, t), t));
+        sums_.push_back(travel_ += slip_.between(step, std::exchange(from, t), t));
       else
-        sums_.push_back(sum_at(step, t));
+        sums_.push_back(slip_.sum_at(step, t, of_ == CourseOf::force ? 1 : 0));
     }
-    if (of_ == CourseOf::displacement) travel_ += slip(step, from, step.t);
+    if (of_ == CourseOf::displacement) travel_ += slip_.between(step, from, step.t);
   }
   std::vector<double> values() const override {
     std::vector<double> all = sums_;
@@ -72,28 +72,10 @@ class Course : public Measure {
   }
 
  private:
-  // Over this rank's nodes.
-  double sum_at(const ObservedStep& step, double t) {
-    if (t < step.t) step.interpolate(t, work_);
-    const Reading u(t < step.t ? work_.get() : step.u);
-    const int dof = model_.dof(), component = of_ == CourseOf::force ? 1 : 0;
-    double sum = 0;
-    for (PetscInt i = 0; i < model_.local(); ++i) sum += u[i * dof + component];
-    return sum;
-  }
-  // The integral of psi; no dense output has a degree of more than 9.
-  double slip(const ObservedStep& step, double from, double to) {
-    static const Tableau points = Tableau::gauss(5);
-    double sum = 0;
-    for (int i = 0; i < points.s && to > from; ++i)
-      sum += (to - from) * points.b[i] * sum_at(step, from + (to - from) * points.c[i]);
-    return sum;
-  }
-
   const Model& model_;
   CourseOf of_;
   const std::vector<double>& times_;
-  VecHandle work_;
+  SlipOfStep slip_;
   std::vector<double> sums_;
   double travel_ = 0;
 };

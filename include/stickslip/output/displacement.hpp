@@ -8,6 +8,12 @@
 // that they feel (a force falls by exp(-45) over them), wherever these are few enough; the results are the
 // same to round-off.
 //
+// Between free ends and on a ring of a chain without springs to the plate (k0 = 0) the forces do not tell where
+// it is, and what pulls it at the start need not be the springs between its blocks. There chi is counted from
+// the start of the run: K1 D2 chi = eta - eta(0), whose mean over the blocks is the integral of the mean of
+// psi (mean_travel.hpp). The elastic energy is -sum chi (eta + eta(0))/2 then, 0 at the start, and the plate
+// gives nothing.
+//
 // Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a
 // chain, and h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta +
 // (s delta/A) psi
@@ -23,6 +29,9 @@
 // given there.
 #pragma once
 
+#include <functional>
+#include <vector>
+
 #include "stickslip/model/plate.hpp"
 
 namespace stickslip {
@@ -33,11 +42,16 @@ struct Energy {
 
 class Displacement {
  public:
-  // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not
-  // determined by its forces. `plate`: whose clock it keeps; it must outlive this. Collective.
+  // Factors the matrix. Throws UsageError where no force ties the blocks to each other or to anything.
+  // `plate`: whose clock it keeps; it must outlive this. Collective.
   Displacement(const Model& model, const Plate& plate);
   // Memory of a node, in bytes: the matrix and its factors, about, and vectors.
   static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
+
+  // Where the chain is not known by its forces; then count_from() comes first.
+  static bool floats(const Scene& scene) { return scene.K0() == 0 && !scene.any_held(); }
+  // eta of this rank's nodes at the start, and the mean of chi since then at any time that is asked for.
+  void count_from(std::vector<double> eta, std::function<double(double t)> mean);
 
   VecHandle create_vector() const;             // one value a node, distributed as the model's nodes
   void solve(Vec u, double t, Vec chi) const;  // collective
@@ -49,6 +63,7 @@ class Displacement {
   Energy energy(Vec u, double t) const;
 
  private:
+  void solve_since_start(Vec u, double t, Vec chi) const;
   void solve_relative(Vec u, double t, double travelled, Vec w) const;
   void make_whole();
   void make_piece(PetscInt margin);
@@ -58,6 +73,9 @@ class Displacement {
 
   const Model& model_;
   const Plate& plate_;
+  bool floats_;
+  std::vector<double> eta_at_start_;  // where it floats
+  std::function<double(double t)> mean_;
   MatHandle matrix_;
   KspHandle ksp_;
   VecHandle w_, load_;

@@ -1,0 +1,116 @@
+"""The displacement of a chain without springs to the plate, counted from the start, and that of a cycle."""
+import glob
+
+import h5py
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from calls import check, data, refused, run, same
+from cluster_scenes import ON, start_file
+from reference import Law, d2
+
+FREE = "-model_form chain -model_k0 0 -model_f0 1 -out_displacement"
+TIGHT = " -ts_rtol 1e-11 -ts_atol 1e-12 -out_series false"
+
+
+def frames(path, *names):
+    with h5py.File(path) as file:
+        return [file[name][:] for name in ("t", *names)]
+
+
+def test_blocks_are_those_of_scipy():
+    """m x'' = k1 (second difference of x) + f0 eta(0) - zeta x' - f0 F(x'), integrated as it stands."""
+    rng = np.random.default_rng(3)
+    for ring, m, k1, zeta, law in ((True, 0.7, 2.0, 0.2, {"friction_law": "cubic"}), (False, 2.0, 0.4, 0.5, {"friction_law": "cubic"}),
+                                   (False, 1.0, 1.5, 0.3, {"friction_law": "stribeck", "friction_stick": "regularised", "friction_eps": 0.3})):
+        n, f0 = 6, 1.4
+        eta, a = rng.uniform(-1, 1.5, n), Law({**law, "friction_stick": law.get("friction_stick", "exact")})
+        ends = "periodic" if ring else "free"
+        run(FREE.replace("-model_f0 1", f"-model_f0 {f0}") + f" -grid_n {n} -model_m {m} -model_k1 {k1} -model_zeta {zeta} -bc_left {ends}"
+            + "".join(f" -{name} {value}" for name, value in law.items()) + start_file(eta) + TIGHT
+            + " -ts_max_time 12 -out_frames 9 -out_file r.h5")
+        t, chi, psi = frames("r.h5", "chi", "psi")
+        D = np.array(d2(n, left=ends, right=ends, form="chain"))
+        one = solve_ivp(lambda _, y, D=D, a=a: np.r_[y[n:], (k1 * D @ y[:n] + f0 * eta - zeta * y[n:] - f0 * a.force(y[n:])) / m],
+                        (0, 12), np.zeros(2 * n), method="DOP853", t_eval=t, rtol=1e-12, atol=1e-12)
+        x, v = one.y[:n].T, one.y[n:].T
+        check(np.abs(psi - v).max() < 1e-8 and np.abs(chi - x).max() < 1e-8, f"{law} {ends}: {np.abs(chi - x).max():.1e}, {np.abs(psi - v).max():.1e}")
+        check(np.ptp(x) > 1, "they go somewhere")
+
+
+PULLED = (FREE + " -grid_n 30 -model_m 1 -model_k1 3 -model_zeta 0.2 -bc_left free -friction_law coulomb -friction_fd 0.4 -init_psi 0.5"
+          " -init_noise 0.3 -init_eta 0.9")
+
+
+def test_momentum():
+    # all slide forward: m (sum of psi) grows by n (eta(0) - fd) t - zeta (sum of chi)
+    run(PULLED + TIGHT + " -ts_max_time 20 -out_frames 11 -out_file m.h5")
+    t, chi, psi = frames("m.h5", "chi", "psi")
+    check(psi.min() > 0, "nothing rests")
+    by_momentum = ((0.9 - 0.4) * t - psi.mean(axis=1) + psi[0].mean()) / 0.2
+    check(np.abs(chi.mean(axis=1) - by_momentum).max() < 1e-8, f"{np.abs(chi.mean(axis=1) - by_momentum).max():.1e}")
+
+
+FRONT = (FREE + " -grid_n 40 -model_m 1 -model_k1 1 -bc_left free -friction_law coulomb -friction_fd 0.5 -friction_back_slip false"
+         " -init_type text -init_file front.txt -out_events -ts_rtol 1e-9 -ts_atol 1e-9 -ts_max_time 400")
+
+
+def front_file(left, right):
+    eta = np.where(np.arange(40) < 15, left, right)
+    eta[0] = 1.0 + 1e-9
+    np.savetxt("front.txt", np.c_[np.arange(40), 0 * eta, eta], fmt="%.17g")
+
+
+def test_slips_of_events_add_up():
+    front_file(0.9, 0.1)
+    s, _ = run(FRONT + " -out_frames 3 -out_series false -out_file f.h5")
+    chi = frames("f.h5", "chi")[1]
+    with h5py.File("f.h5") as file:
+        moment = file["events/moment"][:].sum()
+    check(s["events"] > 0 and abs(chi[-1].sum() - moment) < 1e-6 * moment and chi[-1].max() > 0.1, f"{chi[-1].sum()}, {moment}")
+    check((chi[0] == 0).all(), "counted from the start")
+
+
+def test_energy_of_what_pulls_at_the_start():
+    # without friction in motion the sum of the energies stays 0
+    front_file(0.6, 0.6)
+    run(FRONT.replace("friction_fd 0.5", "friction_fd 0") + " -ts_max_time 30 -out_frames 2 -out_file e.h5")
+    with h5py.File("e.h5") as file:
+        kinetic, elastic, given = (file["series"][name][:] for name in ("energy_kinetic", "energy_elastic", "power_input"))
+    check(kinetic.max() > 3 and np.abs(kinetic + elastic).max() < 1e-6 * kinetic.max() and not given.any(), f"{np.abs(kinetic + elastic).max()}")
+
+
+def test_restarts_and_ranks():
+    given = PULLED + " -ts_max_time 8 -out_frames 9 -out_checkpoint_every 9 -out_checkpoint_keep 99"
+    run(given + " -out_file whole.h5")
+    truth, kept = data("whole.h5"), sorted(glob.glob("whole.chk-*.h5"))
+    check(len(kept) > 3, f"{len(kept)} checkpoints")
+    for checkpoint in kept[::2]:
+        run(f"-restart {checkpoint} -out_file whole.h5")
+        same(data("whole.h5"), truth, checkpoint)
+    run(given + " -out_file three.h5", ranks=3)
+    three = data("three.h5")
+    check(np.array_equal(three["psi"], truth["psi"]) and np.allclose(three["chi"], truth["chi"], rtol=1e-12, atol=1e-12), "three ranks")
+    run(given + " -out_displacement false -out_file none.h5")
+    refused(f"-restart {sorted(glob.glob('none.chk-*.h5'))[0]} -out_displacement true -out_file n.h5", 2, "restart", "since the start")
+
+
+def test_refused():
+    refused(PULLED.replace("-model_k1 3", "-model_k1 0") + " -ts_max_time 1 -out_file n.h5", 2, "out_displacement", "model_k1 0")
+    refused(PULLED + ON + " -ts_max_time 1 -out_file n.h5", 2, "out_displacement", "stick_clusters")
+
+
+def test_cycle():
+    """chi goes by psi, and by v T in a period."""
+    for given, rate in (("-model_form chain -model_k0 0.5 -model_v 0.3 -model_zeta 0.1", lambda psi, eta: eta - 0.1 * psi - psi**3 / 3 + psi),
+                        ("-model_gamma 2 -model_delta 0 -model_v 0.4", lambda psi, eta: 2 * (eta - psi**3 / 3 + psi)),
+                        ("-model_form chain -model_k0 0.5 -model_v 0.3 -friction_law coulomb -friction_fd 0.5", lambda psi, eta: (eta - 0.5) * (psi != 0))):
+        s, _ = run(given + " -out_file c.h5", command="cycle")
+        t, psi, eta, chi = frames("c.h5", "psi", "eta", "chi")
+        v = float(given.split("-model_v ")[1].split()[0])
+        check(abs(chi[-1, 0] - chi[0, 0] - v * s["period"]) < 1e-8, f"{given}: {chi[-1, 0] - chi[0, 0]}, {v * s['period']}")
+        p, f, dt = psi[:, 0], rate(psi[:, 0], eta[:, 0]), np.diff(t)
+        slips = dt * (p[1:] + p[:-1]) / 2 + dt**2 * (f[:-1] - f[1:]) / 12  # of the cubic between two times
+        inside = slice(None) if "coulomb" not in given else (p[1:] != 0) & (p[:-1] != 0)
+        apart = np.abs(np.diff(chi[:, 0]) - slips)[inside]
+        check(apart.max() < 1e-4 * s["amplitude"] and np.median(apart) < 1e-7 and dt.size > 50, f"{given}: {apart.max()} {np.median(apart)}")
