@@ -491,9 +491,10 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
   loose.order = 2;
   loose.n = 12;
   loose.length = 12;
-  loose.k0 = 0;
+  loose.k0 = loose.k1 = 0;
   Model model(PETSC_COMM_WORLD, loose);
-  CHECK_THROWS_AS(Displacement(model, Plate()), UsageError);
+  const Plate plate;
+  CHECK_THROWS_AS(Displacement(model, plate), UsageError);
 }
 
 TEST_CASE("the energy balance of a run closes at the method's order", "[energy][serial]") {

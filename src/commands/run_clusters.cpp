@@ -63,7 +63,8 @@ void Run::advance_clusters(Progress& progress) {
   integrator_.reset();  // with all its vectors
   for (const auto& observer : observers_) plan.observers.push_back(observer.get());
   plan.next_time = [announced = this->plan()](double t) { return announced.next_time(t); };
-  if (catalogue_) plan.event = [this](const SlipEvent& event, double shown) { catalogue_->record(event, shown); };
+  if (catalogue_)
+    plan.event = [this](const SlipEvent& event, double shown) { catalogue_->record(event, shown); };
   if (control_->checkpoints_by_steps()) plan.ask_every = 1;
   plan.go_on = [&](std::int64_t steps, double t) {
     if (progress.due()) {

@@ -139,8 +139,7 @@ Answer Run::end() const {
 
 void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
-  if (options_.boolean("out_displacement") && options_.is_set("out_file"))
-    make_displacement();
+  if (options_.boolean("out_displacement") && options_.is_set("out_file")) make_displacement();
   const bool every_step = !takes_clusters();
   if (every_step) {
     auto regime =

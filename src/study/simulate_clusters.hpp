@@ -15,8 +15,8 @@ namespace stickslip {
 
 struct ClusterPlan {
   TimeSpan span;
-  std::vector<Observer*> observers;             // see u at span's ends and where next_time says
-  std::function<double(double t)> next_time;    // the first time later than t
+  std::vector<Observer*> observers;           // see u at span's ends and where next_time says
+  std::function<double(double t)> next_time;  // the first time later than t
   // Takes events as they end, where they are wanted, with what the plate's clock shows then.
   std::function<void(const SlipEvent&, double plate_time)> event;
   // Asked after so many steps and at the end, with the steps so far and the time: whether to go on.

@@ -226,18 +226,11 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   Rates rates = usual;
   if (!model.scene().massless())
     rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
-  const FrictionParameters& law = model.scene().friction;
   const bool sticks = Stick::applies_to(model.scene());
   const Implicit stiff = stiff_part(model, rates, sticks);
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
-  // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the
-  // Rosenbrock method, which takes one, costs a third at the same error (docs/chart.md).
-  const bool threshold = law.jumps_at_rest() && law.regularised;
-  const bool rosenbrock = threshold && rates.stiff_friction && rates.stiff_wave && !wants_imex;
-  Choice choice{rosenbrock                              ? TSROSW
-                : wants_imex || stiff != Implicit::none ? TSARKIMEX
-                                                        : TSRK,
-                "", Implicit::none, spec.fused, false};
+  Choice choice{wants_imex || stiff != Implicit::none ? TSARKIMEX : TSRK, "", Implicit::none, spec.fused,
+                false};
   std::string wanted = spec.type;
   char name[128];
   PetscBool set;

@@ -20,8 +20,8 @@ constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by t
 
 ClusterSteps::ClusterSteps(const Model& model, double atol, double rtol)
     : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
-      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)), atol_(atol), rtol_(rtol),
-      N_(scene_.N()), K1_(scene_.K1()), method_(FusedMethod::of(TSRK)),
+      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)), atol_(atol),
+      rtol_(rtol), N_(scene_.N()), K1_(scene_.K1()), method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
       stencil_(tile::stencil(scene_)),
       pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),

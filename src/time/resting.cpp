@@ -19,8 +19,9 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold)
     : model_(model), scene_(model.scene()), threshold_(std::move(threshold)), dof_(model.dof()),
-      loaded_(scene_.load.varies() && !halts(scene_)), K0_(scene_.K0()), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
-      since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
+      loaded_(scene_.load.varies() && !halts(scene_)), K0_(scene_.K0()),
+      longest_(Stick::longest_rest(scene_)), eta_(scene_.n), since_(scene_.n),
+      state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
   // without a load nothing but a state that falls lets go against the plate's direction
   const bool one_way = dof_ == 2 && !loaded_;
   for (const double direction : {1., -1.}) {
