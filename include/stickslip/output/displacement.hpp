@@ -8,11 +8,11 @@
 // that they feel (a force falls by exp(-45) over them), wherever these are few enough; the results are the
 // same to round-off.
 //
-// Between free ends and on a ring of a chain without springs to the plate (k0 = 0) the forces do not tell where
-// it is, and what pulls it at the start need not be the springs between its blocks. There chi is counted from
-// the start of the run: K1 D2 chi = eta - eta(0), whose mean over the blocks is the integral of the mean of
-// psi (mean_travel.hpp). The elastic energy is -sum chi (eta + eta(0))/2 then, 0 at the start, and the plate
-// gives nothing.
+// Between free ends and on a ring of a chain without springs to the plate (k0 = 0) the forces do not tell
+// where it is, and what pulls it at the start need not be the springs between its blocks. There chi is
+// counted from the start of the run: K1 D2 chi = eta - eta(0), whose mean over the blocks is the integral of
+// the mean of psi (mean_travel.hpp). The elastic energy is -sum chi (eta + eta(0))/2 then, 0 at the start,
+// and the plate gives nothing.
 //
 // Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a
 // chain, and h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta +
