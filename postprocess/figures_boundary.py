@@ -128,7 +128,7 @@ def regions_of(diagram, x, y):
     if diagram.knows_end and not (knows_sliding and diagram.ends_at_hopf()):
         lives = diagram.inside(*places, "stick-slip")
     if not knows_sliding:
-        return [("stick-slip lives", BOTH, lives), ("no stick-slip", SLIDES, ~lives)]
+        return [("stick-slip exists", BOTH, lives), ("no stick-slip", SLIDES, ~lives)]
     slides = ("sliding", SLIDES, ~lives & ~unstable)
     if not diagram.knows_end:  # that perturbations of sliding decay does not say that no cycle lives beside it
         slides = ("sliding stable;\nstick-slip may coexist", SLIDES, ~unstable)
@@ -235,7 +235,7 @@ def draw_line(picture, axes, file):
             inside = (place > low) & (place < high)
             if inside.any() and lives[inside].mean() > 0.5:
                 axes.axvspan(low, high, color=BOTH, lw=0, zorder=0)
-                picture.label_region(axes, "stick-slip lives", lambda x, y, a=low, b=high: (x > a) & (x < b))
+                picture.label_region(axes, "stick-slip exists", lambda x, y, a=low, b=high: (x > a) & (x < b))
     name_axes(axes, text(file.attrs["parameter"]), "growth rate Re λ of steady sliding")
 
 

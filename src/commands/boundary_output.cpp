@@ -240,8 +240,7 @@ void describe_criticality(Summary& summary, const std::vector<Axis>& axes,
   };
   if (up > 0) summary.say(share(up) + "stick-slip grows out of sliding (supercritical)");
   if (down > 0)
-    summary.say(share(down) +
-                "sliding jumps to stick-slip (subcritical): the two coexist beside the boundary");
+    summary.say(share(down) + "sliding jumps to stick-slip (subcritical): the two coexist near the boundary");
   if (std::any_of(points.begin(), points.end(),
                   [](auto& c) { return c.degenerate && c.criticality.known(); }))
     summary.say("many modes cross at once; the criticality is that of the longest, taken alone");
@@ -311,7 +310,7 @@ void write_file(const Options& options, const GrowthRate& growth, const FoundBou
   add_lattice(file, axes, "sample", {"growth", "1/time", "growth rate"}, found.findings.samples.growth);
   add_lattice(
       file, axes, "stick_slip_sample",
-      {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it lives"},
+      {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it exists"},
       found.distances);
   add_lattice(file, axes, "wave_sample",
               {"wave_growth", "1/time", "largest growth rate of waves on the uniform oscillation"},

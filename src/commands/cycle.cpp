@@ -98,10 +98,10 @@ Columns<CycleResults> keys() {
               [](A a) { return Json(a.found.cycle.multipliers); }},
              {"multiplier_error", "1", "how far the phase mode's is from 1",
               [](A a) { return std::abs(a.found.cycle.multipliers[a.found.cycle.phase_mode] - 1.); }},
-             {"stable_alike", "", "deviations that are alike in every cell decay",
+             {"stable_alike", "", "perturbations that are the same in every cell decay",
               [](A a) { return growth_rate(a.found.cycle) < 0; }},
              {"stable", "",
-              "all deviations decay: with `-cycle_spectrum`, and for a whole scene; null where waves were "
+              "all perturbations decay: with `-cycle_spectrum`, and for a whole scene; null where waves were "
               "not "
               "looked at and nothing grows without them, or where it is undecided",
               is_stable},
@@ -194,11 +194,11 @@ void describe(Summary& summary, const FoundCycle& found) {
       cycle.rest_fraction > 0 ? fmt::format(", at rest for {:.4g} % of the time", 100 * cycle.rest_fraction)
                               : ""));
   if (cycle.multipliers.size() < 2) {
-    summary.say("deviations: none but along the motion itself; every other is wiped out by a rest");
+    summary.say("perturbations: none but a shift along the motion itself; a rest erases every other");
     return;
   }
   const std::complex<double> largest = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
-  summary.say(std::string("deviations") + (found.alone ? ": " : " alike in every cell: ") +
+  summary.say(std::string("perturbations") + (found.alone ? ": " : ", the same in every cell: ") +
               (growth_rate(cycle) < 0 ? "stable" : "not stable") + ", largest multiplier " + shown(largest) +
               (found.alone ? "" : " (-cycle_spectrum asks about waves)"));
 }

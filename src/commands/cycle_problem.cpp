@@ -108,11 +108,12 @@ Scene cell_of_options(const Options& options) {
         "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "
         "takes the whole scene");
   if (scene.any_held())
-    throw UsageError(which + "beside a held end no two nodes move alike; cycle_cell 0 takes the whole scene");
+    throw UsageError(which +
+                     "with a held end all nodes move differently; cycle_cell 0 takes the whole scene");
   if (cell > 1 && !scene.ring())
     throw UsageError(
         which +
-        "several nodes repeat on a ring only; cycle_cell 1 is the motion of all nodes alike, 0 the "
+        "several nodes repeat on a ring only; cycle_cell 1: all nodes move in the same way, 0: the "
         "whole scene");
   scene.length = cell == 1 && scene.form == Form::chain ? 1 : scene.h() * double(cell);
   scene.n = cell;

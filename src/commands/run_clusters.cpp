@@ -21,7 +21,7 @@ void Run::set_up_clusters(const std::optional<Checkpoint>& checkpoint) {
   if (ranks_in(PETSC_COMM_WORLD) > 1) refuse("clusters are for one rank");
   for (const auto& given : options_.library())
     if (given.first.rfind("ts_adapt_", 0) == 0 || given.first.rfind("ts_monitor", 0) == 0)
-      refuse("each cluster has its own steps, of which -" + given.first + " knows nothing");
+      refuse("each cluster has its own steps, to which -" + given.first + " does not apply");
   for (const char* name : {"accuracy", "out_maxima"})
     if (options_.is_set(name)) refuse(std::string(name) + " looks at every step of the whole medium");
   if (options_.integer("lyapunov_count") > 0) refuse("lyapunov_count follows deviations of the whole medium");

@@ -47,7 +47,7 @@ std::string verdict(const Spectrum& spectrum) {
   std::string text = spectrum.stable ? "stable" : unstable ? "unstable" : "undecided";
   text += fmt::format(": growth rate {} +- {:.2g}, frequency {:.6g}",
                       known_digits(spectrum.growth, spectrum.error), spectrum.error, spectrum.frequency);
-  if (spectrum.degenerate) text += " (of the longest of several waves that grow alike)";
+  if (spectrum.degenerate) text += " (of the longest of several waves with the same growth)";
   if (!spectrum.complete) text += " (not proved to be the rightmost)";
   return text;
 }
@@ -127,7 +127,7 @@ Columns<Spectrum> spectrum_columns() {
   return {{"growth_rate", "1/time", "largest real part among resolved modes", &Spectrum::growth},
           {"growth_rate_error", "1/time", "how far it may be off", &Spectrum::error},
           {"frequency", "1/time", "imaginary part of that mode (radians)", &Spectrum::frequency},
-          {"degenerate", "", "many waves grow alike; the longest is named", &Spectrum::degenerate},
+          {"degenerate", "", "many waves grow at the same rate; the longest is given", &Spectrum::degenerate},
           {"stable", "", "the growth rate is negative by more than its error, modes of symmetry excepted",
            &Spectrum::stable},
           {"growth_continuum", "1/time",

@@ -132,7 +132,7 @@ Columns<TrainSpectrum> spectrum_columns() {
           {"eigenvalues", "", "with `-wave_spectrum`: rightmost first",
            [](S s) { return list_of(mode_table(), s.modes); }},
           {"growth_rate", "1/time",
-           "largest of them; null also where no other mode stands right of the short waves",
+           "largest of them; null also if every other mode decays faster than short waves",
            &TrainSpectrum::growth_rate},
           {"translation_error", "1/time", "how far the mode of a shift is from 0",
            &TrainSpectrum::translation_error},

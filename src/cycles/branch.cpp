@@ -339,7 +339,7 @@ std::string Walk::end_at_hopf(double length) {
   return "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }
 
-// The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which
+// The limit of the parameter where the period grows without bound: far beyond that of a canard, in which
 // the amplitude grows with it.
 std::optional<double> Walk::infinite_period() const {
   constexpr double long_period = 30, part = 1.5, settled = 0.02, known = 1e-8;

@@ -1,4 +1,4 @@
-// Where the parameter of a branch goes to as the period grows beyond all bounds.
+// Where the parameter of a branch goes to as the period grows without bound.
 //
 // With T the period, the parameter lambda differs from its limit by powers of T (1/T where loading takes ever
 // longer, 1/T^2 where a place of rest is born on the cycle, and higher ones that go with them) or by

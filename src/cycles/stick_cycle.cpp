@@ -106,7 +106,7 @@ class OrbitSearch {
   }
   // One node without a state, right at its threshold: in the plane of psi and eta motions do not cross, so
   // that a slip that comes back to psi = 0 beyond the threshold, and passes on into the next one, goes round
-  // outside itself for ever.
+  // outside itself forever.
   bool released_now(const StickState& p) const {
     return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 &&
            std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);

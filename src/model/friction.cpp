@@ -99,7 +99,8 @@ double FrictionParameters::value(const std::string& option) const {
   for (const auto& [family, parameters] : families)
     for (const Parameter& p : *parameters) {
       const std::string name = family + std::string(p.name);
-      if (p.same_as == option) return value(name);  // one quantity under two names: the law's stands above
+      if (p.same_as == option)
+        return value(name);  // one quantity under two names: the law's overrides the other
       if (name == option) own = &p;
     }
   if (!own) return 0;

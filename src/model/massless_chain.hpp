@@ -21,7 +21,7 @@ class MasslessChain {
   // psi of u from its eta and state, from the psi that stands there; NaN where it is lost. Not collective.
   void solve_velocities(Vec u) const;
   // Where the last solve_velocities() found none, or at the psi in u friction falls all but as fast as B psi
-  // rises, or psi has grown beyond all bounds, in words; "" where nothing is so on any rank. Collective.
+  // rises, or psi has grown without bound, in words; "" where nothing is so on any rank. Collective.
   std::string velocity_jump(Vec u) const;
   // J = alpha I + beta d(rates of eta and state)/du at u, which is settled. Collective.
   void jacobian(Vec u, double alpha, double beta, Mat J) const;

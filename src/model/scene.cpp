@@ -285,17 +285,18 @@ bool drops_at_release(const Scene& s) {
 // A plate that halts, plate.hpp.
 Load read_halt(const Options& o, const Scene& s) {
   const auto refuse_halt = [](const std::string& why) {
-    throw UsageError("-load_halt true: the plate stands while a node slips, and " + why);
+    throw UsageError("-load_halt true: the plate stops while a node slips, and " + why);
   };
-  if (o.command() == "fit") refuse_halt("a course that was measured is of a plate that goes on");
+  if (o.command() == "fit") refuse_halt("a measurement comes from a plate that does not stop");
   if (s.load.varies())
     refuse_halt(
-        "all that counts is how far it has come from one slip to the next; leave load_v and load_sine_* out, "
-        "with which only its clock would go otherwise");
+        "only its displacement from one slip to the next counts; leave load_v and load_sine_* out, which "
+        "would change nothing but its clock");
   if (!s.friction.sticks())
-    refuse_halt((s.friction.jumps_at_rest() ? "regularised" : o.text("friction_law")) +
-                " friction lets none rest, so that it would stand for ever; take a law with a threshold and "
-                "-friction_stick exact");
+    refuse_halt(
+        (s.friction.jumps_at_rest() ? "regularised" : o.text("friction_law")) +
+        " friction never lets a node rest, so the plate would never move; take a law with a threshold and "
+        "-friction_stick exact");
   if (s.massless()) refuse_halt("nothing sticks exactly in a chain without mass (model_m 0)");
   for (const auto& [end, value] : {std::pair{s.left, s.left_value}, {s.right, s.right_value}})
     if (end == End::velocity && value != 0)
@@ -314,7 +315,7 @@ void read_load(const Options& o, Scene& s) {
   if (!o.command().empty() && o.command() != "run" && o.command() != "sweep" && o.command() != "fit")
     refuse(o, names,
            "the command " + o.command() +
-               " knows a constant velocity of the plate alone; `run` takes a load, and halts it");
+               " supports only a constant velocity of the plate; `run` takes a load, and halts it");
   if (o.is_set("load_sine_period") != o.is_set("load_sine_amplitude"))
     throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] +
                      ": a sine needs load_sine_amplitude and " + "load_sine_period");

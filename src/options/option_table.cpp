@@ -168,7 +168,7 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_nu", "0", "viscosity between neighbours: nu psi_xx in the force",
                  "length^2/time; chain: force/velocity")
       .idle_of(one_block);
-  t.not_negative("model_drag", "0", "drag c3: the force c3 psi |psi| beside friction", "1/velocity^2");
+  t.not_negative("model_drag", "0", "drag c3: the force c3 psi |psi| added to friction", "1/velocity^2");
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 
@@ -214,7 +214,7 @@ void load_options(TableBuilder& t) {
   t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
   t.positive("load_sine_period", "1", "run: its period", "time").where_not_zero("load_sine_amplitude");
   t.boolean("load_halt", "false",
-            "run: the plate, and its clock, stand while any node slips (friction that sticks exactly)");
+            "run: the plate and its clock stop while any node slips (friction that sticks exactly)");
 }
 
 void contact_options(TableBuilder& t) {
@@ -374,9 +374,10 @@ void output_options(TableBuilder& t) {
 
 void lyapunov_options(TableBuilder& t) {
   t.in("Lyapunov exponents", "run");
-  t.integer("lyapunov_count", "0", 0, int_max,
-            "so many Lyapunov exponents, the largest, measured beside the run (the whole scene is solved); "
-            "0: none");
+  t.integer(
+      "lyapunov_count", "0", 0, int_max,
+      "number of Lyapunov exponents, the largest ones, measured in the run (the whole scene is solved); "
+      "0: none");
   t.not_negative("lyapunov_from", "", "time at which the measurement begins", "time")
       .unset("a quarter of ts_max_time",
              [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); })
@@ -388,8 +389,9 @@ void spectrum_options(TableBuilder& t) {
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"},
-           "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of "
-           "the matrix "
+           "auto compares grids (or takes the continuum's waves where all nodes are equal); off counts every "
+           "mode "
+           "of the matrix "
            "as resolved")
       .read_by("spectrum boundary");
   t.boolean("spectrum_transient", "false",
@@ -439,7 +441,7 @@ void wave_options(TableBuilder& t) {
 void cycle_options(TableBuilder& t) {
   t.in("Cycle", "cycle");
   t.integer("cycle_cell", "1", 0, int_max,
-            "nodes or blocks of the cell that repeats: 1 is the motion of all alike; 0: the whole scene");
+            "nodes or blocks of the cell that repeats; 1: all move in the same way; 0: the whole scene");
   t.boolean("cycle_spectrum", "false",
             "stability to waves too: Floquet-Bloch multipliers over the wavenumber");
   t.integer("cycle_wavenumbers", "200", 2, 1000000, "wavenumbers of cycle_spectrum");

@@ -45,7 +45,7 @@ const std::vector<RowColumn<EventRow>>& event_columns() {
       {{"extent", "length", "blocks that slip (chain) or their length (continuum)"},
        [](Row r) { return r.weight * double(r.event.count); }},
       {{"direction", "1",
-        "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
+        "1: forward; -1: backward; slip, moment and stress_drop are positive in both cases"},
        [](Row r) { return double(r.event.direction); }},
       {{"slip", "length", "largest slip"}, [](Row r) { return r.event.slip; }},
       {{"moment", "length^2", "sum of the slip over blocks or over length"},

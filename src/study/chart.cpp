@@ -170,10 +170,10 @@ std::vector<int> chart_orders(const Options& options, const Scene& scene) {
   return orders;
 }
 
-// Orders and grids of a scene that lives on one grid: one of each.
+// Orders and grids of a scene that exists on one grid only: one of each.
 void check_one_grid(const Options& options, const Scene& scene, const std::vector<PetscInt>& grids,
                     std::vector<int>& orders) {
-  const std::string start = "the start (init_noise_length 0, init_type file) lives on one grid";
+  const std::string start = "the start (init_noise_length 0, init_type file) exists on one grid only";
   if (grids.size() > 1)
     throw UsageError("chart_grids " + options.text("chart_grids") + ": " +
                      (scene.form == Form::chain ? "the chain's blocks are the model itself" : start) +

@@ -317,7 +317,7 @@ bool GridLadder::place_or_go_on(double& next) {
   const Start::Misfit jump = runs_.pilot().start().misfit(request_.scene);
   const double misfit = std::max(std::abs(jump.left), std::abs(jump.right));
   if (far && misfit > 1e-8) give_up_on(ahead, fmt::format("the start jumps by {:.3g} at a held end", misfit));
-  if (far && never_better(ahead)) give_up_on(ahead, "four grids say so alike");
+  if (far && never_better(ahead)) give_up_on(ahead, "four grids show the same");
   if (beyond_memory) give_up_on(ahead, fmt::format("no grid has more than {} nodes", most_nodes));
   if (beyond_budget(next)) give_up_on(ahead, "a finer grid is " + budget);
   return false;

@@ -73,9 +73,9 @@ Table<LimitRow> limit_table(const std::string& parameter) {
         &LimitRow::damps_theory},
        {"damps", "time", "step from which they do", &LimitRow::damps},
        {"longest", "time", "longest step tried", &LimitRow::longest},
-       {"warned", "1", "1 where every failure was told", &LimitRow::warned},
+       {"warned", "1", "1 if every failure gave a warning", &LimitRow::warned},
        {"runs", "1", "runs that it took", &LimitRow::runs, In::summary},
-       {"silent", "time", "steps of failures that were not told", &LimitRow::silent, In::summary}}};
+       {"silent", "time", "steps of failures without a warning", &LimitRow::silent, In::summary}}};
 }
 
 struct LimitResults {
@@ -89,7 +89,7 @@ Columns<LimitResults> keys() {
            [](L l) { return list_of(limit_table(l.parameter), l.rows); }},
           {"best", "", "of the other kind of chart", {}},
           {"reference_error", "1", "likewise", {}},
-          {"silent", "1", "rows that failed and were not told", [](L l) {
+          {"silent", "1", "rows with failures without a warning", [](L l) {
              return std::count_if(l.rows.begin(), l.rows.end(), [](const LimitRow& r) { return !r.warned; });
            }}};
 }

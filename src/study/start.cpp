@@ -44,7 +44,7 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
   }
 }
 
-// The state that is steady at psi; at rest, where a contact's age grows for ever, the one of steady sliding.
+// The state that is steady at psi; at rest, where a contact ages without bound, the one of steady sliding.
 double steady_start(const Model& model, PetscInt local_node, double psi) {
   const double state = model.steady_state(local_node, psi);
   return std::isfinite(state) ? state : model.steady_state(local_node, model.scene().v);

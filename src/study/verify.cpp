@@ -175,7 +175,7 @@ std::string expected_of(StickSlipEnd& end, double x, double y) {
   return end(x, y) < 0 || end.fate(x, y) == to_string(Fate::oscillates) ? "stick-slip" : "sliding";
 }
 
-// `cycle`: a place of the one that lives beside the end.
+// `cycle`: a place of the one that exists beside the end.
 Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options, const Crossing& c,
                    const std::vector<double>& cycle, double x, double y) {
   const Scene one = end.scene(x, y);  // a node

@@ -67,7 +67,7 @@ Implicit massless_implicit(const std::string& type, const std::string& wish, boo
 void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
   if (choice.named_fused)
-    throw usage_error("ts_type {}: it does not know model_m 0; use ts_type {}",
+    throw usage_error("ts_type {}: it does not support model_m 0; use ts_type {}",
                       FusedTs::fused_type(choice.type), choice.type);
   choice.fused = false;
 }

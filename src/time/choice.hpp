@@ -17,7 +17,7 @@ struct Choice {
   bool named_fused;  // and this is what the user named (fused_ts.hpp)
 };
 
-// `spec` says what is wanted; -ts_type behind `prefix` stands above it. Throws UsageError for types that are
+// `spec` says what is wanted; -ts_type behind `prefix` overrides it. Throws UsageError for types that are
 // not offered and for splits that the type or the scene does not have.
 Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& spec,
                      const std::string& prefix);

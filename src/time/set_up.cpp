@@ -55,7 +55,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
     const UsualNorm norm(model.scene(), prefix);
     SS_TRY(TSSetFromOptions(ts));
   }
-  // What the method was given stands above the options of PETSc.
+  // What the method was given overrides the options of PETSc.
   if (spec.tolerance > 0) SS_TRY(TSSetTolerances(ts, spec.tolerance, nullptr, spec.tolerance, nullptr));
   if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));
   SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
@@ -149,7 +149,7 @@ bool Integrator::Impl::will_fuse(const Choice& choice) const {
   if (!choice.fused || fused_type.empty()) return false;
   if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
   if (!choice.named_fused) return false;
-  throw usage_error("ts_adapt_max_ignore: ts_type {} does not know it; use ts_type {}", fused_type,
+  throw usage_error("ts_adapt_max_ignore: ts_type {} does not support it; use ts_type {}", fused_type,
                     choice.type);
 }
 

@@ -35,7 +35,7 @@ SHORT = ("-grid_n", "32", "-ts_max_time", "5")
     (("spectrum", "-grid_n", "32"), ["steady sliding is unstable: growth rate 2.23196", "modes of 64"]),
     (("laws",), ["F(psi) of cubic"]),
     (("cycle", "-cycle_continue", "model_v", "-cycle_to", "0.21"),
-     ["cycle of one node: period T = 8.7229486", "alike in every cell: stable", "reached model_v = 0.21"]),
+     ["cycle of one node: period T = 8.7229486", "the same in every cell: stable", "reached model_v = 0.21"]),
     (("wave", "-model_delta", "0", "-model_v", "0.5", "-wave_length", "25"), ["train of 1 pulse", "period T = "]),
     (("boundary", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "1.5"),
      ["unstable from 0.5 to 0.966", "stable from 0.966"]),

@@ -36,7 +36,7 @@ class CyclePath : public BranchPath {
 //   flip             a multiplier passes -1: the period doubles
 //   torus            a complex pair passes |mu| = 1
 //   hopf             the amplitude vanishes: steady sliding; the branch ends
-//   infinite-period  the period grows beyond all bounds: the branch ends; the parameter's limit, to 1e-8 of
+//   infinite-period  the period grows without bound: the branch ends; the parameter's limit, to 1e-8 of
 //                    its range
 //   long-wave        the phase diffusion changes its sign
 //   wave             a wave of finite length begins or ceases to grow while long ones decay: `wavenumber`

@@ -35,7 +35,7 @@ enum class Fate {
   repeats,     // a cycle with rests
   slides,      // steady sliding
   oscillates,  // without rest
-  stuck,       // rests for ever
+  stuck,       // permanently at rest
   grows,       // without bound
   wanders      // changes between rest and sliding without repeating within the time that was looked at
 };
@@ -74,7 +74,7 @@ StickFate uniform_stick_fate(const Scene& one_node);
 // How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the
 // scene: the depth of the cycle that the motion settles on from a release after a long rest (negative: it
 // sticks and slips), or, where its slip turns before it stops, the psi at which it does (positive), the slip
-// being stopped there. Where it settles on none, or never turns: |v|. NaN where it rests for ever. Where
+// being stopped there. Where it settles on none, or never turns: |v|. NaN if it stays at rest. Where
 // nothing damps and friction never rises with velocity, so that every slip comes back to psi = 0, be it after
 // many turns: -|v| for its first turn.
 //

@@ -8,7 +8,7 @@
 namespace stickslip {
 
 // The start that the init_* options describe: uniform, sine, layer, pulses, wave or file (a frame of a run on
-// the same nodes; init_eta and init_state, where set, stand above the file's). What does not depend on the
+// the same nodes; init_eta and init_state, if set, override the file's). What does not depend on the
 // grid (a train, an orbit) is found once, for any number of grids over the same length. Throws UsageError
 // where the start does not suit the scene, Failure where it cannot be had (pulses while sliding is stable).
 class Start {

@@ -1,4 +1,4 @@
-// Where the stick-slip that lives beside sliding ends, in one parameter or two.
+// Where the stick-slip that coexists with sliding ends, in one parameter or two.
 //
 // Below the linear boundary stick-slip must begin; it need not end there. With friction that sticks exactly,
 // uniform motion ends where a slip comes back to rest just tangentially (`graze`), or with a state where its
@@ -50,7 +50,7 @@ class StickSlipEnd {
   // The curve of ends in the box of both axes, as boundary_curve has that of sliding.
   virtual std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) = 0;
 
-  // Negative where the motion, once started strongly, sticks and slips for ever; NaN where it never slips. Of
+  // Negative if the motion, started strongly, keeps sticking and slipping; NaN if it never slips. Of
   // uniform motion.
   virtual double operator()(double x, double y = 0) = 0;
   // What becomes of the motion there, in words: "slides steadily", "grows without bound", ...

@@ -33,7 +33,7 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options
                                       const std::function<void(std::size_t, std::size_t)>& before_each = {});
 
 // The same of points where the stick-slip of uniform motion ends: one node from perturbed sliding, and from a
-// place of the cycle that lives beside the end (from rest where none is found), at 2 % of the box or more on
+// place of the cycle that exists beside the end (from rest where none is found), at 2 % of the box or more on
 // either side.
 std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Options& options,
                                  const std::vector<Crossing>& points, PetscInt count,

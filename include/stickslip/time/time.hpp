@@ -4,7 +4,7 @@
 // shortest wave, sqrt(A (K0 + K1 kappa^2_max)) or, where it is larger, the rate A N kappa^2_max of viscosity,
 // and the rate of friction, max |A (B + F_psi)|. Where an accurate step is stable, the explicit Runge-Kutta
 // pair 7vr is used (5dp where friction jumps at rest or steps are fixed); otherwise an implicit-explicit
-// ARKIMEX method takes the stiff part implicitly. Every -ts_, -snes_, -ksp_, -pc_ option stands above the
+// ARKIMEX method takes the stiff part implicitly. Every -ts_, -snes_, -ksp_, -pc_ option overrides the
 // choice.
 //
 // imex_implicit says what an IMEX method takes implicitly:
