@@ -208,9 +208,9 @@ std::vector<SummaryKey> observed_keys() {
       {"measured_over", "time",
        "from when to when amplitude, speed and pulses were measured: the last quarter"},
       {"maxima", "length/time",
-       "with `out_maxima`: the last maxima of psi there, in order, minima where v < 0 (of the motion along "
+       "with `out_maxima`: the last maxima of psi there, in order, minima where v < 0 (of the motion in "
        "the plate's "
-       "way, as for its mirror image)"},
+       "direction, as for its mirror image)"},
       {"maxima_period", "1", "after how many they repeat, 0: they do not ([sweep.md](sweep.md))"},
       {"maxima_prominence", "length/time",
        "by so much at least psi rises to each of them and falls from it: a thousandth of its range there, or "
