@@ -7,21 +7,21 @@ usage: catalogue.py FILE.h5 [FILE.h5 ...] [--by OPTION] [--fit A B] [--from S] [
 Files that differ in nothing but seeds are one ensemble; --by makes one of each value of an option (grid_n for the scaling
 with size, model_v or model_nu for the dependence on the loading or on viscosity). Magnitudes are natural logarithms of the
 moment, b that of a density ~ exp(-b magnitude) on [A, B) (default: from 2 above the most frequent magnitude over 3 units).
---from leaves out what began before the plate had gone so far; under a load its way is the integral of |v(t)|, and the moment
-is compared to how far it has come, the integral of v(t). For each ensemble:
+--from leaves out events that began before the plate had moved so far; under a load that is the path, the integral of |v(t)|,
+and the moment is compared with the displacement, the integral of v(t). For each ensemble:
   b         by maximum likelihood for a truncated exponential; in brackets the 95 % interval that the scatter of whole runs
             (of one run: of stretches of its time) gives it, because events of one run are not independent
   p         goodness of fit: how often catalogues drawn from the fitted law miss it by more (Kolmogorov and Smirnov's
-            distance, b fitted anew each time). Below 0.05 the curve is no straight line, and b a mere summary of it
+            distance, b fitted each time). Below 0.05 the curve is not a straight line, and b only summarises it
   halves    events and moment in the second half of the time over the first, with the 95 % interval over the runs: 1 where
             the catalogue is stationary
   cut       what b becomes with another smallest event
-  main      with --main: foreshocks and aftershocks of main shocks. A main shock is an event of magnitude M or more which no
-            event exceeds that begins while the plate goes the way W (default 0.1) before or behind its own beginning and whose
-            region touches its own (shares a node with it or lies beside it). Smaller events of which this holds are its
-            foreshocks, where they begin before it, and its aftershocks. Main shocks nearer than W to either end of the time that
-            counts are left out. Beside their number, for each main shock, what smaller events that touch its region come to
-            in as much of the plate's way by their mean rate in the whole run; the errors are square roots of the numbers
+  main      with --main: foreshocks and aftershocks of main shocks. Two events are near each other if the plate moves by less
+            than W (default 0.1) between their beginnings and their regions touch (share a node or are neighbours). A main shock
+            is an event of magnitude M or more with no larger event near it; the smaller events near it are its foreshocks, if
+            they begin before it, or its aftershocks. Main shocks closer than W to either end of the time that counts are left
+            out. Their numbers per main shock are compared with the number of smaller events that touch its region in the same
+            displacement of the plate by their mean rate in the whole run; the errors are square roots of the numbers
 """
 import argparse
 import json
@@ -35,7 +35,7 @@ FEWEST = 20     # events for a fit
 WIDTH = 0.25    # of a bin of magnitudes
 STRETCHES = 20  # of the time of a lone run, for its interval
 SEEDS = ("friction_seed", "init_seed")
-DENSITY = "events per node, way\nof the plate and unit of ln M"  # what curves of magnitudes show
+DENSITY = "events per node, plate\ndisplacement and unit of ln M"  # what curves of magnitudes show
 
 
 # ---- one run ----------------------------------------------------------------------------------------------------------
@@ -312,7 +312,7 @@ def size_exponent(table):
 def words(name, row):
     low, high = row["b_interval"]
     yield f"{name}: {row['runs']} runs of {row['nodes']} nodes, {row['events']} events, " \
-          f"{row['per_node_and_way']:.4g} per node and way of the plate"
+          f"{row['per_node_and_way']:.4g} per node and displacement of the plate"
     if not np.isfinite(row["b"]):
         yield f"  no b: {row['in_fit']} events in [{row['fit'][0]:g}, {row['fit'][1]:g}), and a fit takes {FEWEST}"
     else:
@@ -323,8 +323,8 @@ def words(name, row):
                                     for c in row["cuts"] if np.isfinite(c["b"]))
     yield "  halves: " + ", ".join(f"{what} {h['ratio']:.3f} [{h['low']:.3f}, {h['high']:.3f}]"
                                    for what, h in row["halves"].items())
-    yield f"  moment {row['moment_per_node_and_way']:.3f} of the plate's way, typical event {row['typical_moment']:.4g}, " \
-          f"largest extent {row['largest_extent']:g}"
+    yield f"  moment {row['moment_per_node_and_way']:.3f} of the plate's displacement, " \
+          f"typical event {row['typical_moment']:.4g}, largest extent {row['largest_extent']:g}"
 
 
 def sequence_words(found, main):

@@ -3,12 +3,13 @@
 
 usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from S] [--fit A B] [--label OPTION]
 
-Left above: how many events there are of each magnitude, over the number of nodes, the plate's way and the width of the
+Left above: how many events there are of each magnitude, over the number of nodes, the plate's displacement and the width of the
 bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a
-few places and the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began before
-the plate had gone so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from
+few places and the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out events that began before
+the plate had moved so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from
 2 above the most frequent magnitude, that of a block alone, over 3 units), by maximum likelihood for a truncated
-exponential; its standard error is from the curvature. Of fewer than 20 events in the range there is no b. --label names an option whose value stands in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.
+exponential; its standard error is from the curvature. Of fewer than 20 events in the range there is no b.
+--label names an option whose value is shown in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.
 """
 import argparse
 import contextlib
@@ -89,7 +90,7 @@ def draw_regions(picture, axes, run, length, spacing):
 
 
 def draw_slip(picture, axes, run, length, plate):
-    """Slip against time at four places: the mean slip of each event, laid on its region; what goes the plate's way upwards."""
+    """Slip against time at four places: the mean slip of each event, over its region; in the plate's direction upwards."""
     x, events, moments = run["x"], run["events"], signed_moments(run)
     order, ring = np.argsort(events["t"]), run["options"]["bc_left"] == "periodic"
     for colour, part in zip(COLOURS, (0.2, 0.4, 0.6, 0.8)):

@@ -81,7 +81,7 @@ class Diagram:
         return nearest, hand, number
 
     def inside(self, x, y, of):
-        """Whether sliding is unstable, uniform stick-slip lives, or no wave grows on it, at places of the box: by the side of
+        """Whether sliding is unstable, uniform stick-slip exists, or no wave grows on it, at places of the box: by the side of
         the nearest stretch of its curve, where there is one, else as the lattice has it."""
         lattice = {"sliding": lambda: self.file["growth"][...] > 0,
                    "stick-slip": lambda: self.file["stick_slip_distance"][...] < 0,
@@ -120,7 +120,7 @@ class Diagram:
 
 
 def regions_of(diagram, x, y):
-    """What lives where on a lattice: (words, tint, mask)."""
+    """What is stable where on a lattice: (words, tint, mask)."""
     places = np.meshgrid(x, y)
     knows_sliding = "growth" in diagram.file
     unstable = diagram.inside(*places, "sliding") if knows_sliding else np.zeros(places[0].shape, dtype=bool)
@@ -130,7 +130,7 @@ def regions_of(diagram, x, y):
     if not knows_sliding:
         return [("stick-slip exists", BOTH, lives), ("no stick-slip", SLIDES, ~lives)]
     slides = ("sliding", SLIDES, ~lives & ~unstable)
-    if not diagram.knows_end:  # that perturbations of sliding decay does not say that no cycle lives beside it
+    if not diagram.knows_end:  # that perturbations of sliding decay does not say that no cycle coexists with it
         slides = ("sliding stable;\nstick-slip may coexist", SLIDES, ~unstable)
     if "wave_growth" not in diagram.file and "train" not in diagram.file:
         return [("stick-slip\n(sliding unstable)", STICKS, unstable), ("bistable", BOTH, lives & ~unstable), slides]

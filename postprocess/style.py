@@ -30,7 +30,7 @@ GREY, FAINT = "0.45", "0.78"
 STABLE, UNSTABLE = "-", "--"      # of what may be either; nothing else is dashed
 STABILITY = "solid: stable, dashed: unstable"
 REFERENCE = {"color": GREY, "lw": 0.8, "ls": ":", "zorder": 1}  # a level to compare with
-# What lives in a region, in pictures of boundaries and of sweeps.
+# What is stable in a region, in pictures of boundaries and of sweeps.
 SLIDES, STICKS, BOTH = "#dbe8f5", "#f6dccf", "#fbf0bf"
 
 NAMES = {"psi": "slip velocity", "eta": "spring force", "tau": "contact strength", "theta": "contact age", "chi": "displacement",
