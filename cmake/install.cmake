@@ -44,7 +44,7 @@ set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # asks dpkg-shlibdeps, of the package dpkg-dev
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "openmpi-bin, python3-h5py, python3-matplotlib")
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libslepc-real-dev, libhdf5-openmpi-dev, libyaml-dev, nlohmann-json3-dev, libfmt-dev, python3-xarray")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libslepc-real-dev, libhdf5-openmpi-dev, libyaml-dev, libfmt-dev, python3-xarray")
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 include(CPack)

@@ -18,17 +18,17 @@
 #include <limits>
 #include <sstream>
 
-#include "stickslip/study/run_layout.hpp"
+#include "base/json_values.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/field.hpp"
-#include "stickslip/base/handle.hpp"
-#include "stickslip/output/slab.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/result_file.hpp"
 #include "stickslip/output/run_file.hpp"
-#include "stickslip/base/json_values.hpp"
-#include "stickslip/base/root.hpp"
+#include "stickslip/output/slab.hpp"
 #include "stickslip/output/summary.hpp"
+#include "stickslip/study/run_layout.hpp"
 
 using namespace stickslip;
 

@@ -182,7 +182,7 @@ TEST_CASE("every option that an object of PETSc or SLEPc asks for is known") {
     SS_TRY(PCSetType(pc, type));
     SS_TRY(KSPSetFromOptions(ksp));
   }
-  EpsHandle eps;
+  Handle<EPS, EPSDestroy> eps;
   ST st;
   SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
   SS_TRY(EPSSetType(eps, EPSARNOLDI));

@@ -1,10 +1,10 @@
-#include "stickslip/base/json.hpp"
+#include "base/json.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
-#include "stickslip/base/json_values.hpp"
+#include "base/json_values.hpp"
 #include "stickslip/base/text.hpp"
 
 namespace stickslip {

@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/pulse.hpp"
+#include "output/summary_kept.hpp"
 #include "output/sweep_table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/summary.hpp"
 #include "stickslip/study/size.hpp"
 
 namespace stickslip {

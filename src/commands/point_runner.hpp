@@ -3,8 +3,8 @@
 
 #include <exception>
 
+#include "base/json_values.hpp"
 #include "commands/table.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "stickslip/base/json_values.hpp"
+#include "base/json_values.hpp"
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "commands/run_session.hpp"
@@ -65,7 +65,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     Run run(chosen, Provenance::of("run", chosen.all()), plan.measure());
     const int code = run.advance(summary);
     const double seconds = largest_processor_seconds() - begin;
-    const bool ended = code == 0 && summary.get("stopped_at").is_null();
+    const bool ended = code == 0 && summary.is_null("stopped_at");
     const Answer end = ended ? run.end() : Answer();
     const double estimate = ended ? plan.estimate(end) : NAN;
     const std::vector<double> value = ended ? plan.value(end) : std::vector<double>();
@@ -102,6 +102,8 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   }
 }
 
+const Json& of(const Summary& s, const char* key) { return s.get<Json>(key); }
+
 std::string rounded(const Json& number, int digits = 4) { return rounded_text(number.get<double>(), digits); }
 
 // What a rate means for what grows or decays with it.
@@ -111,27 +113,27 @@ std::string course_of(const Json& rate) {
 
 // A catalogue's first words.
 std::string event_words(const Summary& s) {
-  if (s.get("events") == 0) return "no slip event";
+  if (of(s, "events") == 0) return "no slip event";
   std::string text =
-      fmt::format("{} slip events, the largest of moment {}, up to {} nodes", s.get("events").dump(),
-                  rounded(s.get("largest_moment")), rounded(s.get("largest_extent")));
+      fmt::format("{} slip events, the largest of moment {}, up to {} nodes", of(s, "events").dump(),
+                  rounded(of(s, "largest_moment")), rounded(of(s, "largest_extent")));
   if (!s.is_null("b"))
-    text += fmt::format(", b = {} +- {}", rounded(s.get("b"), 3), rounded(s.get("b_error"), 1));
+    text += fmt::format(", b = {} +- {}", rounded(of(s, "b"), 3), rounded(of(s, "b_error"), 1));
   return text;
 }
 
 std::string range_words(const Summary& s, const std::string& over) {
   if (s.is_null("psi_low")) return "";
-  const Json& mean = s.get("psi_loaded_mean");
+  const Json& mean = of(s, "psi_loaded_mean");
   return fmt::format("psi {}from {} to {} over the last {}",
-                     mean.is_null() ? "" : rounded(mean) + " in the mean, ", rounded(s.get("psi_low")),
-                     rounded(s.get("psi_high")), over);
+                     mean.is_null() ? "" : rounded(mean) + " in the mean, ", rounded(of(s, "psi_low")),
+                     rounded(of(s, "psi_high")), over);
 }
 
 // What the motion is, and what steady sliding beside it would do.
 std::string motion_words(const Summary& s, const Scene& scene) {
   const Load& load = scene.load;
-  const std::string regime = s.get("regime").get<std::string>();
+  const std::string regime = of(s, "regime").get<std::string>();
   const bool events = !s.is_null("events"), undecided = regime == "undecided";
   std::vector<std::string> parts;
   if (events) parts.push_back(event_words(s));
@@ -139,22 +141,22 @@ std::string motion_words(const Summary& s, const Scene& scene) {
     parts.push_back(range_words(s, load.period() > 0 ? "period of the load" : "quarter of the run"));
   } else if (!undecided) {
     parts.push_back(regime);
-    if (regime == "stick-slip" && scene.friction.jumps_at_rest() && s.get("rest_fraction") == 0)
+    if (regime == "stick-slip" && scene.friction.jumps_at_rest() && of(s, "rest_fraction") == 0)
       parts.push_back("though nothing rests");
-    if (!s.is_null("period")) parts.push_back("period " + rounded(s.get("period")));
+    if (!s.is_null("period")) parts.push_back("period " + rounded(of(s, "period")));
     if (regime != "stuck")
       parts.push_back(range_words(s, s.is_null("period") ? "quarter of the run" : "period"));
   } else if (!events) {
     parts.push_back(regime);
-    if (const Json& time = s.get("time_to_decide"); !time.is_null())
+    if (const Json& time = of(s, "time_to_decide"); !time.is_null())
       parts.push_back("a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)");
   }
   parts.erase(std::remove(parts.begin(), parts.end(), ""), parts.end());
   std::string text = joined(parts);
-  const Json &pulses = s.get("pulses"), &speed = s.get("wave_speed");
+  const Json &pulses = of(s, "pulses"), &speed = of(s, "wave_speed");
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
   if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
-  if (const Json& rate = s.get("growth_rate"); !rate.is_null())
+  if (const Json& rate = of(s, "growth_rate"); !rate.is_null())
     text += fmt::format("; steady sliding is {}: perturbations {}",
                         rate.get<double>() > 0 ? "unstable" : "stable", course_of(rate));
   return text;
@@ -162,12 +164,12 @@ std::string motion_words(const Summary& s, const Scene& scene) {
 
 // How it was computed.
 std::string work_words(const Summary& s) {
-  const Json& plate = s.get("plate_time");
-  std::string text = "t = " + rounded(s.get("t_end"), 6) +
+  const Json& plate = of(s, "plate_time");
+  std::string text = "t = " + rounded(of(s, "t_end"), 6) +
                      (plate.is_null() ? "" : " (the plate's clock: " + rounded(plate, 6) + ")") + " in " +
-                     s.get("steps").dump() + " steps of " + s.get("method").get<std::string>() + " (" +
-                     s.get("rejections").dump() + " rejected), " + s.get("unknowns").dump() + " unknowns";
-  if (const Json& error = s.get("error_estimate"); !error.is_null())
+                     of(s, "steps").dump() + " steps of " + of(s, "method").get<std::string>() + " (" +
+                     of(s, "rejections").dump() + " rejected), " + of(s, "unknowns").dump() + " unknowns";
+  if (const Json& error = of(s, "error_estimate"); !error.is_null())
     text += ", error about " + rounded(error, 2);
   return text;
 }

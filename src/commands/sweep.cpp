@@ -137,18 +137,18 @@ Columns<SweepResults> keys() {
 }
 
 void say_all(Summary& summary, const std::string& path) {
-  const auto text = [&](const char* key) { return summary.get(key).dump(); };
+  const auto text = [&](const char* key) { return summary.get<Json>(key).dump(); };
   summary.say(
       fmt::format("{} of {} points{}{}{}", text("done"), text("points"),
-                  summary.get("failed") == 0
+                  summary.get<Json>("failed") == 0
                       ? ""
                       : fmt::format(", {} of them failed (variable reason), the first: {}", text("failed"),
-                                    summary.get("first_failure").get<std::string>()),
+                                    summary.get<Json>("first_failure").get<std::string>()),
                   summary.is_null("saved") || !summary.is_null("stopped_at")
                       ? ""
                       : fmt::format("; a full grid has {} more", text("saved")),
                   summary.is_null("differing") ? "" : "; up and down differ at " + text("differing")));
-  if (summary.get("status") == "stopped") summary.say("to go on: stickslip sweep -restart " + path);
+  if (summary.get<Json>("status") == "stopped") summary.say("to go on: stickslip sweep -restart " + path);
 }
 
 // What all ranks are told of the result.

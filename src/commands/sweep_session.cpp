@@ -6,10 +6,10 @@
 #include <map>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/paths.hpp"
 #include "output/carried_frame.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 
 namespace stickslip {

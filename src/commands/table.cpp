@@ -199,7 +199,7 @@ void print_library_help() {
   SS_TRY(TSSetDM(ts, dm));
   SS_TRY(TSSetType(ts, TSARKIMEX));
   SS_TRY(TSSetFromOptions(ts));
-  EpsHandle eps;
+  Handle<EPS, EPSDestroy> eps;
   SS_TRY(EPSCreate(PETSC_COMM_WORLD, eps.out()));
   SS_TRY(EPSSetFromOptions(eps));
 }

@@ -6,7 +6,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "stickslip/base/json_values.hpp"
+#include "base/json_values.hpp"
 #include "options/columns.hpp"
 #include "options/unset_word.hpp"
 #include "options/values.hpp"

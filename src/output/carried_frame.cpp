@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/paths.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/output/gather.hpp"
 

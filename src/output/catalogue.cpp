@@ -7,10 +7,10 @@
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/local_values.hpp"
 #include "output/row_columns.hpp"
 #include "output/rupture.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

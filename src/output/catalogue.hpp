@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/json.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/output/events.hpp"
 #include "stickslip/output/observer.hpp"

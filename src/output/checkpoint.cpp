@@ -12,14 +12,14 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/broadcast.hpp"
+#include "base/json.hpp"
+#include "base/paths.hpp"
+#include "base/scatter.hpp"
 #include "output/datasets.hpp"
 #include "output/hdf5_tools.hpp"
 #include "output/shared_file.hpp"
-#include "base/paths.hpp"
-#include "base/broadcast.hpp"
-#include "base/scatter.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json.hpp"
 #include "stickslip/base/root.hpp"
 
 namespace stickslip {

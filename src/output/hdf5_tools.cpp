@@ -13,9 +13,9 @@
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
+#include "base/json.hpp"
 #include "base/paths.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json.hpp"
 #include "stickslip/base/root.hpp"
 
 namespace stickslip::h5 {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/json_values.hpp"
 #include "output/forward.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 

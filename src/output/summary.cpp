@@ -13,10 +13,11 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/paths.hpp"
 #include "base/found_until.hpp"
+#include "base/json_values.hpp"
+#include "base/paths.hpp"
+#include "output/summary_kept.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
 
@@ -25,6 +26,19 @@ namespace stickslip {
 namespace {
 Json* kept = nullptr;  // of the innermost SummaryKept
 }  // namespace
+
+struct Summary::Object {
+  Json json;
+  double begin = MPI_Wtime();
+
+  double seconds() const { return MPI_Wtime() - begin; }
+  Json now() const {  // with warnings and seconds up to now
+    Json now = json;
+    now["warnings"] = warnings();
+    now["wall_s"] = seconds();
+    return now;
+  }
+};
 
 SummaryKept::SummaryKept(Json& into) : before_(std::exchange(kept, &into)) {}
 SummaryKept::~SummaryKept() { kept = before_; }
@@ -47,11 +61,11 @@ std::vector<SummaryKey> common_quantities() {
 }
 
 Summary::Summary(const Provenance& provenance, const std::vector<SummaryKey>& keys, std::string path)
-    : object_(std::make_unique<Json>()), path_(std::move(path)), out_file_(provenance.option("out_file")),
-      silent_(provenance.option("progress") == "off"), begin_(MPI_Wtime()) {
+    : object_(std::make_unique<Object>()), path_(std::move(path)), out_file_(provenance.option("out_file")),
+      silent_(provenance.option("progress") == "off") {
   if (!path_.empty()) check_summary_path(path_);
   const std::string form = provenance.option("model_form"), sign = provenance.option("model_delta_sign");
-  Json& object = *object_;
+  Json& object = object_->json;
   for (const SummaryKey& common : common_quantities()) object[common.name] = nullptr;
   object["command"] = provenance.command;
   object["version"] = version();
@@ -67,17 +81,15 @@ Summary::Summary(const Provenance& provenance, const std::vector<SummaryKey>& ke
 
 Summary::~Summary() = default;
 
-void Summary::set(const std::string& key, const Json& value) {
-  if (!object_->contains(key)) throw std::logic_error("summary: no key '" + key + "' for this command");
-  (*object_)[key] = value;
-}
-
-void Summary::set(const std::string& key, const char* text) { set(key, Json(text)); }
-
 template <class T>
 void Summary::set(const std::string& key, const T& value) {
-  set(key, Json(value));
+  Json& object = object_->json;
+  if (!object.contains(key)) throw std::logic_error("summary: no key '" + key + "' for this command");
+  object[key] = value;
 }
+void Summary::set(const std::string& key, const char* text) { set(key, Json(text)); }
+
+template void Summary::set(const std::string& key, const Json& value);
 template void Summary::set(const std::string& key, const bool& value);
 template void Summary::set(const std::string& key, const int& value);
 template void Summary::set(const std::string& key, const long& value);
@@ -91,13 +103,15 @@ template void Summary::set(const std::string& key, const std::optional<int>& val
 template void Summary::set(const std::string& key, const std::optional<double>& value);
 template void Summary::set(const std::string& key, const std::optional<std::string>& value);
 
-const Json& Summary::get(const std::string& key) const {
-  const auto found = object_->find(key);
-  if (found == object_->end()) throw std::logic_error("summary: no key '" + key + "' for this command");
+template <class Value>
+const Value& Summary::get(const std::string& key) const {
+  const auto found = object_->json.find(key);
+  if (found == object_->json.end()) throw std::logic_error("summary: no key '" + key + "' for this command");
   return *found;
 }
+template const Json& Summary::get(const std::string& key) const;
 
-bool Summary::is_null(const std::string& key) const { return get(key).is_null(); }
+bool Summary::is_null(const std::string& key) const { return get<Json>(key).is_null(); }
 
 void Summary::done() {
   set("status", "done");
@@ -115,7 +129,7 @@ void Summary::stopped(const std::string& reason) {
 }
 
 void Summary::wrote(const std::string& path) {
-  Json& files = (*object_)["files"];
+  Json& files = object_->json["files"];
   if (!path.empty() && std::find(files.begin(), files.end(), path) == files.end()) files.push_back(path);
 }
 
@@ -125,13 +139,13 @@ void Summary::tell() const {
   int rank = 0;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   if (silent_ || kept || rank != 0) return;
-  std::string last = rounded_text(MPI_Wtime() - begin_) + " s";
-  const Json &sign = get("delta_sign"), &options = get("options");
+  std::string last = rounded_text(object_->seconds()) + " s";
+  const Json &sign = get<Json>("delta_sign"), &options = get<Json>("options");
   if (!sign.is_null() && options.value("model_delta", "") != "0")
     last += "; sign of delta: " + sign.get<std::string>();
   bool drawn = false;
   const char* before = "; wrote ";
-  for (const Json& file : get("files")) {
+  for (const Json& file : get<Json>("files")) {
     last += std::exchange(before, ", ") + file.get<std::string>();
     drawn = drawn || file == out_file_;
   }
@@ -145,24 +159,17 @@ void Summary::tell() const {
   std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
 }
 
-Json Summary::now() const {
-  Json now = *object_;
-  now["warnings"] = warnings();
-  now["wall_s"] = MPI_Wtime() - begin_;
-  return now;
-}
-
-std::string Summary::text() const { return json_text(now()) + "\n"; }
+std::string Summary::text() const { return json_text(object_->now()) + "\n"; }
 
 void Summary::write() const {
-  if (kept) *kept = now();
+  if (kept) *kept = object_->now();
   if (kept || path_.empty()) return;
   on_root(PETSC_COMM_WORLD, [&] { write_from_here(); });
 }
 
 void Summary::write_alone() const noexcept {
   try {
-    if (kept) *kept = now();
+    if (kept) *kept = object_->now();
     if (kept) return;
     int rank = 0;
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank);

@@ -12,8 +12,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/json_values.hpp"
 #include "base/paths.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/provenance.hpp"
 
 namespace stickslip {

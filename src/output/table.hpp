@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/base/json_values.hpp"
+#include "base/json_values.hpp"
 #include "stickslip/output/field.hpp"
 #include "stickslip/output/result_file.hpp"
 #include "stickslip/output/summary.hpp"

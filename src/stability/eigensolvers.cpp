@@ -48,7 +48,7 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
     SS_TRY(MatSetValue(J, e.row, e.column, e.value, ADD_VALUES));
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
-  EpsHandle eps;
+  Handle<EPS, EPSDestroy> eps;
   SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
   SS_TRY(EPSSetOperators(eps, J, nullptr));
   SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
@@ -121,7 +121,7 @@ std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, Petsc
   MatHandle M;
   SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &op, M.out()));
   SS_TRY(MatShellSetOperation(M, MATOP_MULT, reinterpret_cast<void (*)()>(apply_shifted_inverse)));
-  EpsHandle eps;
+  Handle<EPS, EPSDestroy> eps;
   SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
   SS_TRY(EPSSetOperators(eps, M, nullptr));
   SS_TRY(EPSSetProblemType(eps, EPS_NHEP));

@@ -183,7 +183,7 @@ int chart_limits(const Options& options) {
              number_text(r.silent.front()) + " (" + r.wrong + ") without a word");
     write_file(options, provenance, results);
     summary.say(fmt::format("{} rows; {} went wrong beyond their limit without a warning", rows.size(),
-                            summary.get("silent").dump()));
+                            summary.get<Json>("silent").dump()));
     return 0;
   });
 }

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "base/json_values.hpp"
 #include "base/local_copy.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/text.hpp"
 
 namespace stickslip {
@@ -124,7 +124,7 @@ void LyapunovExponents::summarise(Summary& summary, Vec u) {
 }
 
 std::string lyapunov_words(const Summary& summary) {
-  const Json& list = summary.get("lyapunov");
+  const Json& list = summary.get<Json>("lyapunov");
   if (list.is_null()) return "";
   std::string text;
   const std::size_t most = 4;  // of a longer list
@@ -138,7 +138,7 @@ std::string lyapunov_words(const Summary& summary) {
   const Json &first = list[0]["value"], &its_error = list[0]["error"];
   if (!first.is_null() && !its_error.is_null() && first.get<double>() > 3 * its_error.get<double>())
     text += ": errors double every " + rounded_text(std::log(2) / first.get<double>(), 2) + " time units";
-  const Json& dimension = summary.get("lyapunov_dimension");
+  const Json& dimension = summary.get<Json>("lyapunov_dimension");
   if (!dimension.is_null()) text += "; dimension " + rounded_text(dimension.get<double>(), 3);
   return text;
 }

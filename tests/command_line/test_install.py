@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
 OWN = os.path.join(SOURCE, "tests", "examples", "own", "program.cpp")
 PROJECT = """cmake_minimum_required(VERSION 3.25)
 project(user LANGUAGES CXX)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 find_package(stickslip 0.2 REQUIRED)
 add_executable(user user.cpp)
 target_link_libraries(user stickslip::core)
@@ -95,9 +96,28 @@ def test_installed():
     # at -O1: what is computed is the same, and compiled in half the time
     said("cmake", "-G", "Ninja", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_BUILD_TYPE=None",
          "-DCMAKE_CXX_FLAGS=-O1")
+    check_headers(prefix)
     said("cmake", "--build", "own")
     check(said(os.path.join("own", "user")) == "2.68955\n", "a program of one's own: the train of the README")
     check_own_program(os.path.abspath(os.path.join("own", "program")))
+
+
+def check_headers(prefix):
+    """Those installed include each other, the standard library, MPI and PETSc, and nothing else is on the path of who
+    compiles them."""
+    others = set()
+    for path in glob.glob(os.path.join(prefix, "include", "**", "*.hpp"), recursive=True):
+        with open(path, encoding="utf-8") as file:
+            others |= set(re.findall(r"#include <(.*)>", file.read()))
+    foreign = sorted(name for name in others if not re.fullmatch(r"[a-z_0-9]+|petsc[a-z]+\.h|mpi\.h", name))
+    check(not foreign, f"an installed header asks for {foreign}")
+    check({"vector", "petscvec.h"} <= others, f"{others}")
+    with open(os.path.join("own", "compile_commands.json"), encoding="utf-8") as file:
+        command = next(entry["command"] for entry in json.load(file) if entry["file"].endswith("headers.cpp"))
+    folders = re.findall(r"(?:-I|-isystem) ?(\".*?\"|\S+)", command.replace("\\ ", "\0"))
+    known = ("moved elsewhere", "petsc", os.sep + "openmpi" + os.sep + "include", "mpich")
+    strange = [folder for folder in folders if not any(word in folder.replace("\0", " ") for word in known)]
+    check(len(folders) > 2 and not strange, f"folders of headers: {folders}")
 
 
 def summary_of(program, words):

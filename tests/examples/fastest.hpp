@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/local_values.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 

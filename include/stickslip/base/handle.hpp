@@ -1,7 +1,6 @@
 // Move-only owners of PETSc objects: destroyed with the scope, also when an exception passes.
 #pragma once
 
-#include <slepceps.h>
 #include <petscdm.h>
 #include <petscts.h>
 
@@ -40,6 +39,5 @@ using SnesHandle = Handle<SNES, SNESDestroy>;
 using KspHandle = Handle<KSP, KSPDestroy>;
 using IsHandle = Handle<IS, ISDestroy>;
 using ScatterHandle = Handle<VecScatter, VecScatterDestroy>;
-using EpsHandle = Handle<EPS, EPSDestroy>;
 
 }  // namespace stickslip

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/base/json.hpp"
 #include "stickslip/base/provenance.hpp"
 
 namespace stickslip {
@@ -33,11 +32,11 @@ class Summary {
 
   // Sets one of the keys given to the constructor (any other is a mistake in the program: std::logic_error).
   // Numbers, truth, texts, lists of them and optional ones (null where there is none) as they are: the types
-  // that summary.cpp names. Anything else as a value of base/json_values.hpp.
+  // that summary.cpp names. Anything else as Json, the values of src/base/json_values.hpp.
   template <class T>
   void set(const std::string& key, const T& value);
   void set(const std::string& key, const char* text);
-  void set(const std::string& key, const Json& value);
+  template <class Json>
   const Json& get(const std::string& key) const;
   bool is_null(const std::string& key) const;
 
@@ -65,28 +64,13 @@ class Summary {
   void write_alone() const noexcept;
 
  private:
-  Json now() const;  // with warnings and seconds up to now
+  struct Object;
   void write_from_here() const;
 
-  std::unique_ptr<Json> object_;
+  std::unique_ptr<Object> object_;
   std::string path_, out_file_;
   std::vector<std::string> lines_;
   bool silent_;
-  double begin_;
-};
-
-// While it lives, the summary of a command that ends goes to `into`, on every rank, and nothing is written or
-// told: for a command that is one of many. `into` is left alone where a command is refused (UsageError). Not
-// collective.
-class SummaryKept {
- public:
-  explicit SummaryKept(Json& into);
-  ~SummaryKept();
-  SummaryKept(const SummaryKept&) = delete;
-  SummaryKept& operator=(const SummaryKept&) = delete;
-
- private:
-  Json* before_;
 };
 
 // Throws UsageError, on every rank, where option `summary` with this text could not be written at the end: an

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "stickslip/base/json.hpp"
+#include "base/json.hpp"
 
 namespace nlohmann {
 
