@@ -2,136 +2,18 @@
 #include <limits>
 #include <unordered_map>
 
-#include "stickslip/options/options.hpp"
+#include "options/option_rows.hpp"
 
 namespace stickslip {
 
 namespace {
 
 constexpr const char* physics = "run spectrum boundary wave cycle chart fit";
-constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 constexpr double count_max = 9e15;  // below 2^53: exact as a double
 // Three unknowns a node must still be counted by a PetscInt.
 constexpr PetscInt node_max = std::numeric_limits<PetscInt>::max() / 3;
 constexpr double n_max = node_max;
-
-// What else a row says, in words that can be strung together.
-class Row {
- public:
-  explicit Row(OptionSpec& spec) : spec_(spec) {}
-  Row& at_least(double low) {
-    spec_.low = low;
-    return *this;
-  }
-  Row& above(double low) {
-    spec_.open_low = true;
-    return at_least(low);
-  }
-  Row& at_most(double high) {
-    spec_.high = high;
-    return *this;
-  }
-  Row& words(std::vector<std::string> list) {
-    spec_.words = std::move(list);
-    return *this;
-  }
-  Row& unit(const char* text) {
-    spec_.unit = text;
-    return *this;
-  }
-  Row& read_by(const char* commands) {
-    spec_.commands = commands;
-    return *this;
-  }
-  // What holds where it is unset, in words; and as a text, where it depends on other options.
-  Row& unset(const char* help, std::function<std::string(const Options&)> value = nullptr) {
-    spec_.default_text = "";
-    spec_.default_help = help;
-    spec_.default_of = std::move(value);
-    return *this;
-  }
-  // It changes something only where another option has one of these values ("": is set), and says else what
-  // that option is.
-  Row& where(const char* other, std::vector<std::string> values) {
-    spec_.idle_of = [name = std::string(other), list = std::move(values)](const Options& o) {
-      const bool flag = find_option(name)->type == OptionType::boolean;
-      const std::string text = flag ? (o.boolean(name) ? "true" : "false") : o.text(name),
-                        is = " is " + (text.empty() ? "not set" : text);
-      for (const std::string& value : list)
-        if (value.empty() ? !text.empty() : text == value) return std::string();
-      return name + is;
-    };
-    return *this;
-  }
-  Row& where_not_zero(const char* other) {
-    spec_.idle_of = [name = std::string(other)](const Options& o) {
-      return o.real(name) == 0 ? name + " is 0" : "";
-    };
-    return *this;
-  }
-  Row& idle_of(std::function<std::string(const Options&)> reason) {
-    spec_.idle_of = std::move(reason);
-    return *this;
-  }
-
- private:
-  OptionSpec& spec_;
-};
-
-// Builds the table; `in` gives the heading and the readers of the options that follow.
-class TableBuilder {
- public:
-  std::vector<OptionSpec> rows;
-
-  void in(const char* group, const char* commands) {
-    group_ = group;
-    commands_ = commands;
-  }
-  Row add(OptionSpec spec) {
-    spec.group = group_;
-    spec.commands = commands_;
-    rows.push_back(std::move(spec));
-    return Row(rows.back());
-  }
-  Row add(const char* name, OptionType type, const char* value, const char* help) {
-    return add({name, type, value, "", "", -inf, inf, false, {}, help, "", ""});
-  }
-  Row real(const char* name, const char* value, const char* help, const char* unit = "") {
-    return add(name, OptionType::real, value, help).unit(unit);
-  }
-  Row positive(const char* name, const char* value, const char* help, const char* unit = "") {
-    return real(name, value, help, unit).above(0);
-  }
-  Row not_negative(const char* name, const char* value, const char* help, const char* unit = "") {
-    return real(name, value, help, unit).at_least(0);
-  }
-  Row reals(const char* name, const char* help, const char* unit = "") {
-    return add(name, OptionType::real_list, "", help).unit(unit);
-  }
-  Row integer(const char* name, const char* value, double low, double high, const char* help) {
-    return add(name, OptionType::integer, value, help).at_least(low).at_most(high);
-  }
-  Row integers(const char* name, double low, double high, const char* help) {
-    return add(name, OptionType::integer_list, "", help).at_least(low).at_most(high);
-  }
-  Row boolean(const char* name, const char* value, const char* help) {
-    return add(name, OptionType::boolean, value, help);
-  }
-  Row text(const char* name, const char* value, const char* help) {
-    return add(name, OptionType::text, value, help);
-  }
-  Row choice(const char* name, std::vector<std::string> words, const char* help) {
-    return add(name, OptionType::choice, words[0].c_str(), help).words(words);
-  }
-  Row real_or(const char* name, const char* word, const char* value, const char* help,
-              const char* unit = "") {
-    return add(name, OptionType::real_or_word, value, help).words({word}).unit(unit);
-  }
-
- private:
-  std::string group_, commands_;
-};
 
 bool is_chain(const Options& options) { return options.text("model_form") == "chain"; }
 
@@ -149,7 +31,7 @@ std::string no_threshold(const Options& options) {
   return law_options().has_threshold(options) ? "" : "friction_law is " + law + ", which has no threshold";
 }
 
-void model_options(TableBuilder& t) {
+void model_options(OptionTableBuilder& t) {
   t.in("Model", physics);
   t.choice("model_form", {"continuum", "chain"}, "continuum, or chain of blocks");
   t.positive("model_gamma", "3", "continuum: friction amplitude gamma");
@@ -172,7 +54,7 @@ void model_options(TableBuilder& t) {
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 
-void friction_options(TableBuilder& t) {
+void friction_options(OptionTableBuilder& t) {
   t.in("Friction", "run spectrum boundary wave cycle chart laws fit");
   const LawOptions laws = law_options();
   t.choice("friction_law", laws.laws,
@@ -196,14 +78,14 @@ void friction_options(TableBuilder& t) {
   t.integer("friction_seed", "1", 0, int_max, "seed of the spread").where_not_zero("friction_spread");
 }
 
-void profile_options(TableBuilder& t) {
+void profile_options(OptionTableBuilder& t) {
   t.in("Profiles along x", physics);
   t.choice("profile_kind", {"linear", "smooth", "step"},
            "between the places of a profile: straight, smoothly, or a value until the next place");
   for (const OptionSpec& spec : law_options().of_profiles) t.add(spec);
 }
 
-void load_options(TableBuilder& t) {
+void load_options(OptionTableBuilder& t) {
   t.in("Loading", physics);
   t.add("load_v", OptionType::pairs, "",
         "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step "
@@ -217,7 +99,7 @@ void load_options(TableBuilder& t) {
             "run: the plate and its clock stop while any node slips (friction that sticks exactly)");
 }
 
-void contact_options(TableBuilder& t) {
+void contact_options(OptionTableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave cycle chart laws fit");
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states,
@@ -230,7 +112,7 @@ void contact_options(TableBuilder& t) {
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
 }
 
-void grid_options(TableBuilder& t) {
+void grid_options(OptionTableBuilder& t) {
   t.in("Grid and ends", physics);
   t.integer("grid_n", "512", 1, n_max, "nodes; the chain's blocks (auto: as if it were not set)")
       .words({"auto"});
@@ -253,7 +135,7 @@ void grid_options(TableBuilder& t) {
   t.real("bc_right_value", "", "velocity of a held right end", "velocity").unset("model_v", v);
 }
 
-void start_options(TableBuilder& t) {
+void start_options(OptionTableBuilder& t) {
   t.in("Start", "run cycle chart fit");
   t.choice(
       "init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
@@ -297,7 +179,7 @@ void start_options(TableBuilder& t) {
       .where("init_type", {"file"});
 }
 
-void time_options(TableBuilder& t) {
+void time_options(OptionTableBuilder& t) {
   t.in("Time stepping", "run chart boundary fit");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
   t.integer("ts_max_steps", "", 0, count_max, "most steps").unset("unlimited");
@@ -333,7 +215,7 @@ void time_options(TableBuilder& t) {
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 }
 
-void output_options(TableBuilder& t) {
+void output_options(OptionTableBuilder& t) {
   t.in("Output", "");
   t.text("out_file", "", "HDF5 file for the results").unset("none");
   t.text("summary", "", "JSON file for the summary, - for standard output").unset("none");
@@ -372,7 +254,7 @@ void output_options(TableBuilder& t) {
   t.text("restart", "", "checkpoint to go on from; of `sweep` its table").unset("none").read_by("run sweep");
 }
 
-void lyapunov_options(TableBuilder& t) {
+void lyapunov_options(OptionTableBuilder& t) {
   t.in("Lyapunov exponents", "run");
   t.integer(
       "lyapunov_count", "0", 0, int_max,
@@ -384,7 +266,7 @@ void lyapunov_options(TableBuilder& t) {
       .where_not_zero("lyapunov_count");
 }
 
-void spectrum_options(TableBuilder& t) {
+void spectrum_options(OptionTableBuilder& t) {
   t.in("Spectrum", "spectrum");
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
@@ -401,7 +283,7 @@ void spectrum_options(TableBuilder& t) {
             "0: none");
 }
 
-void boundary_options(TableBuilder& t) {
+void boundary_options(OptionTableBuilder& t) {
   t.in("Boundary", "boundary");
   t.text("boundary_parameter", "", "real option to vary, e.g. model_v").unset("required");
   t.real("boundary_from", "", "start of its range").unset("required");
@@ -423,7 +305,7 @@ void boundary_options(TableBuilder& t) {
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 }
 
-void wave_options(TableBuilder& t) {
+void wave_options(OptionTableBuilder& t) {
   t.in("Wave", "wave");
   t.integer("wave_pulses", "1", 1, int_max, "pulses on the ring");
   t.positive("wave_length", "", "length of the whole ring (this or wave_speed)", "length").unset("none");
@@ -438,7 +320,7 @@ void wave_options(TableBuilder& t) {
   t.real("wave_to2", "", "end of those curves; they begin at the value of that option").unset("none");
 }
 
-void cycle_options(TableBuilder& t) {
+void cycle_options(OptionTableBuilder& t) {
   t.in("Cycle", "cycle");
   t.integer("cycle_cell", "1", 0, int_max,
             "nodes or blocks of the cell that repeats; 1: all move in the same way; 0: the whole scene");
@@ -450,7 +332,7 @@ void cycle_options(TableBuilder& t) {
   t.integer("cycle_steps", "100", 1, int_max, "steps along the branch, at most");
 }
 
-void chart_options(TableBuilder& t) {
+void chart_options(OptionTableBuilder& t) {
   t.in("Chart", "chart");
   t.choice("chart_kind", {"error", "limits"}, "error against seconds, or where each method fails");
   t.add("chart_methods", OptionType::text_list, "",
@@ -472,14 +354,14 @@ void chart_options(TableBuilder& t) {
              "seconds");
 }
 
-void laws_options(TableBuilder& t) {
+void laws_options(OptionTableBuilder& t) {
   t.in("Laws", "laws");
   t.real("laws_from", "-3", "smallest velocity of the table", "velocity");
   t.real("laws_to", "3", "largest velocity of the table", "velocity");
   t.integer("laws_points", "601", 2, int_max, "velocities, equally spaced, both ends included");
 }
 
-void sweep_options(TableBuilder& t) {
+void sweep_options(OptionTableBuilder& t) {
   t.in("Sweep", "sweep");
   t.text("sweep_command", "run", "command of every point");
   for (const char* number : {"1", "2", "3", "4"}) {
@@ -517,7 +399,7 @@ void sweep_options(TableBuilder& t) {
             "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
 }
 
-void fit_options(TableBuilder& t) {
+void fit_options(OptionTableBuilder& t) {
   t.in("Fit", "fit");
   t.add("fit_data", OptionType::pairs, "",
         "what was measured: a file of two columns, or t1:y1,t2:y2,...; the first ascends")
@@ -535,7 +417,7 @@ void fit_options(TableBuilder& t) {
 }
 
 std::vector<OptionSpec> make_table() {
-  TableBuilder t;
+  OptionTableBuilder t;
   model_options(t);
   friction_options(t);
   contact_options(t);
