@@ -1,5 +1,7 @@
 #include "base/pulse.hpp"
 
+#include <unistd.h>
+
 #include <array>
 #include <cstring>
 #include <ctime>
@@ -15,7 +17,8 @@ volatile std::sig_atomic_t caught_signal = 0;
 volatile std::sig_atomic_t checkpoint_asked = 0;
 volatile std::sig_atomic_t pulses = 0;
 std::time_t caught_at = 0;
-int watches = 0;
+volatile std::sig_atomic_t watches = 0;
+bool kept = false;  // from the start
 
 extern "C" void on_signal(int number) {
   if (number == SIGUSR1) {
@@ -26,11 +29,28 @@ extern "C" void on_signal(int number) {
   if (caught_signal == 0) {
     caught_at = now;
     // a search that did not hear the first, which mpirun may send twice
-  } else if (pulses > 0 && now > caught_at + 1) {
+  } else if ((pulses > 0 || watches == 0) && now > caught_at + 1) {
     std::signal(number, SIG_DFL);
     std::raise(number);
   }
   caught_signal = number;
+  if (watches == 0) alarm(10);
+}
+
+extern "C" void on_alarm(int) {
+  if (watches > 0) return;
+  std::signal(caught_signal, SIG_DFL);
+  std::raise(caught_signal);
+}
+
+constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
+
+struct sigaction action_of(void (*handler)(int)) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  return action;
 }
 
 constexpr std::size_t most_kinds = 8;  // of work, that are shown
@@ -46,17 +66,22 @@ long beats = 0;
 
 }  // namespace
 
+void keep_signals() {
+  kept = true;
+  const struct sigaction action = action_of(on_signal), late = action_of(on_alarm);
+  for (const int number : numbers) sigaction(number, &action, nullptr);
+  sigaction(SIGALRM, &late, nullptr);
+}
+
 SignalWatch::SignalWatch() {
-  if (watches++ == 0) caught_signal = checkpoint_asked = 0;
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigemptyset(&action.sa_mask);
-  action.sa_flags = SA_RESTART;
+  if (watches == 0 && !kept) caught_signal = checkpoint_asked = 0;
+  watches = watches + 1;
+  const struct sigaction action = action_of(on_signal);
   for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &action, &before_[i]);
 }
 
 SignalWatch::~SignalWatch() {
-  --watches;
+  watches = watches - 1;
   for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &before_[i], nullptr);
 }
 

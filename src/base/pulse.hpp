@@ -15,6 +15,11 @@
 
 namespace stickslip {
 
+// What SIGINT, SIGTERM and SIGUSR1 ask for before the first SignalWatch is kept for that from now on, so that
+// a signal ends a command in the same way however early it comes. Where none begins within ten seconds, or
+// another signal comes after two, it ends the program. For main, once.
+void keep_signals();
+
 // While it lives, SIGINT and SIGTERM ask for an end, SIGUSR1 for a checkpoint; where a Pulse lives a second
 // one, two seconds later, ends the program. One within another knows what the outer one has caught.
 class SignalWatch {
@@ -28,7 +33,6 @@ class SignalWatch {
   static void checkpoint_written();
 
  private:
-  static constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
   std::array<struct sigaction, 3> before_{};
 };
 

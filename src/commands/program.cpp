@@ -168,6 +168,7 @@ int end_interrupted(const Interrupted& e) {
 int stickslip::main(int argc, char** argv) {
   if (argc == 2 && std::string(argv[1]) == "--tables") return std::fputs(tables_text().c_str(), stdout) < 0;
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of file size is met as an error of the write, like a full disk
+  keep_signals();
   prepare_lone_process();
   int provided = 0;
   if (MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return 1;

@@ -11,6 +11,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
+#include "base/found_until.hpp"
 #include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/model/model.hpp"
@@ -250,6 +251,13 @@ class FitSearch {
     return J;
   }
 
+  struct Place {
+    Vector x;
+    double squares;
+  };
+  // Of all that minimise() has met; empty before.
+  const std::optional<Place>& best() const { return best_; }
+
   // From x to a minimum.
   Vector minimise(const Vector& x) {
     {
@@ -272,7 +280,11 @@ class FitSearch {
       auto& self = *static_cast<FitSearch*>(context);
       const Vector at = self.vector_of(x);
       const auto found = self.try_residual(at);
-      if (found) self.last_ = {at, *found};
+      if (found) {
+        self.last_ = {at, *found};
+        const double squares = found->squaredNorm();
+        if (!self.best_ || squares < self.best_->squares) self.best_ = {at, squares};
+      }
       const Writing to(r);
       for (std::size_t i = 0; i < self.rows_; ++i) to[i] = found ? (*found)[i] : failed_run;
     });
@@ -295,6 +307,7 @@ class FitSearch {
   double unit_ = 1;
   long runs_ = 0;
   std::optional<std::pair<Vector, Vector>> last_;  // x, and the residual there
+  std::optional<Place> best_;
   TaoHandle tao_;
   VecHandle x_, r_, low_, high_;
   MatHandle J_;
@@ -391,33 +404,37 @@ Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& bes
   FitSearch search(problem);
   course_of(problem, problem.options);  // its errors and warnings are the user's to see
   check_effect(search, problem);
-  struct Stop {
-    Eigen::VectorXd x;
-    double squares;
-  };
-  std::vector<Stop> ends;
+  using Place = FitSearch::Place;
+  std::vector<Place> ends;
   Fit fit;
   fit.method = search.method();
-  for (int start = 0; start < problem.starts; ++start) {
-    Pulse::stage(fmt::format("start {} of {}", start + 1, problem.starts));
-    const Eigen::VectorXd x = search.minimise(drawn(search, problem, start));
-    const auto r = search.try_residual(x);
-    if (!r) continue;
-    ends.push_back({x, r->squaredNorm()});
-    std::sort(ends.begin(), ends.end(), [](const Stop& a, const Stop& b) { return a.squares < b.squares; });
+  const auto tell = [&](const Place& best) {
     fit.parameters = problem.parameters;
     for (std::size_t k = 0; k < fit.parameters.size(); ++k) {
       FitParameter& p = fit.parameters[k];
-      p.value = search.value(k, ends[0].x[k]);
-      p.at_bound = std::min(ends[0].x[k] - search.low(k), search.high(k) - ends[0].x[k]) < same_place;
+      p.value = search.value(k, best.x[k]);
+      p.at_bound = std::min(best.x[k] - search.low(k), search.high(k) - best.x[k]) < same_place;
     }
-    fit.residual = search.unit() * std::sqrt(ends[0].squares / double(problem.data.size()));
-    fit.same = int(std::count_if(ends.begin(), ends.end(), [&](const Stop& end) {
-      const Eigen::ArrayXd scale = ends[0].x.array().abs().max(1);
-      return ((end.x - ends[0].x).array().abs() < same_place * scale).all();
+    fit.residual = search.unit() * std::sqrt(best.squares / double(problem.data.size()));
+    fit.same = int(std::count_if(ends.begin(), ends.end(), [&](const Place& end) {
+      const Eigen::ArrayXd scale = best.x.array().abs().max(1);
+      return ((end.x - best.x).array().abs() < same_place * scale).all();
     }));
     fit.runs = search.runs();
     if (told) told(fit);
+  };
+  for (int start = 0; start < problem.starts; ++start) {
+    Pulse::stage(fmt::format("start {} of {}", start + 1, problem.starts));
+    Eigen::VectorXd x;
+    keeping_what_is_found([&] { x = search.minimise(drawn(search, problem, start)); },
+                          [&] {
+                            if (search.best()) tell(*search.best());
+                          });
+    const auto r = search.try_residual(x);
+    if (!r) continue;
+    ends.push_back({x, r->squaredNorm()});
+    std::sort(ends.begin(), ends.end(), [](const Place& a, const Place& b) { return a.squares < b.squares; });
+    tell(ends[0]);
   }
   if (ends.empty()) throw Failure("no start of the search came to an end: every run failed there");
   Pulse::stage("errors");

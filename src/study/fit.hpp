@@ -60,7 +60,8 @@ FitProblem fit_problem(const Options& options);
 // The course of the scene as it is.
 std::vector<double> course_of(const FitProblem& problem, const Options& options);
 
-// `told`, if given, is called with each start's end, the best first so far. Throws UsageError where a
+// `told`, if given, is called with each start's end, the best so far, and where a signal ends the search with
+// the best that it has met. Throws UsageError where a
 // parameter has no effect, Failure where no start comes to an end.
 Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& best)>& told = {});
 

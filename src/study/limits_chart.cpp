@@ -158,19 +158,18 @@ int chart_limits(const Options& options) {
   const std::vector<Varied> scenes = varied_scenes(options, spec);
   check_unused_after_setup(options, "ts snes ksp pc");
   return with_summary(summary, [&] {
-    const Pulse pulse("off", "limits");  // ends at a signal; each row shows itself
+    const Pulse pulse(options.text("progress"), "limits");
     LimitResults results{{}, spec ? spec->name : ""};
     set_keys(summary, keys(), results);
     std::vector<LimitRow>& rows = results.rows;
-    Progress progress(options.text("progress"), "limits: ");
+    const Progress clock("off", "");
     const std::size_t all = scenes.size() * choices.size();
     for (const Varied& scene : scenes) {
       Limits limits(scene.options);
       for (const MethodSpec& choice : choices) {
-        if (progress.due())
-          progress.show(fmt::format("row {} of {}{} ({}{})", rows.size() + 1, all,
-                                    progress.left(double(rows.size()) / double(all)), choice.name(),
-                                    choice.splits() ? ":" + choice.implicit : ""));
+        Pulse::stage(fmt::format("row {} of {}{} ({}{})", rows.size() + 1, all,
+                                 clock.left(double(rows.size()) / double(all)), choice.name(),
+                                 choice.splits() ? ":" + choice.implicit : ""));
         keeping_what_is_found([&] { rows.push_back(limits.row(choice)); },
                               [&] { summary.say(fmt::format("{} of {} rows", rows.size(), all)); });
         rows.back().value = scene.value;

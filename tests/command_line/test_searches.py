@@ -1,5 +1,6 @@
 """Searches end: weakly damped blocks, SI units, growth without bound, checks of ends; progress and signals."""
 import json
+import math
 import os
 import pty
 import re
@@ -13,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from calls import call, check, line, refused, run, scene_file
+from calls import SOURCE, call, check, data, line, refused, run, scene_file
 from reference import System
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -friction_law carlson-langer"
@@ -132,13 +133,13 @@ def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
     check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
 
 
-def stopped_at(arguments, command, sign):
+def stopped_at(arguments, command, sign, within=60):
     """Sends SIGINT once the progress, as a terminal has it, shows `sign`: what is said at the end, and the summary."""
     told = [word for word in line(f"{arguments} -summary s.json", command=command) if word not in ("-progress", "off")]
     terminal, stderr = pty.openpty()
     with subprocess.Popen(told, stderr=stderr, stdout=subprocess.DEVNULL) as process:
         os.close(stderr)
-        said = ""
+        said, begin = "", math.inf
         while True:
             try:
                 said += os.read(terminal, 4096).decode()
@@ -146,9 +147,10 @@ def stopped_at(arguments, command, sign):
                 break
             if sign and re.search(sign, said):
                 process.send_signal(signal.SIGINT)
-                sign = None
+                sign, begin = None, time.monotonic()
     os.close(terminal)
-    check(sign is None and process.returncode == 130, f"{process.returncode}: {said}")
+    took = time.monotonic() - begin
+    check(sign is None and process.returncode == 130 and took < within, f"{process.returncode} after {took} s: {said}")
     with open("s.json", encoding="utf-8") as file:
         found = json.load(file)
     check(found["status"] == "stopped" and found["reason"] == "SIGINT", found["reason"])
@@ -195,38 +197,55 @@ def test_a_call_that_hears_no_signal_is_announced():
 
 @pytest.mark.parametrize("scene", ["-model_delta 0 -model_v 0 -model_gamma 10", scene_file("cycle-stick-pair")])
 def test_waves_on_a_cycle_answer_a_signal(scene):
-    words = line(f"{scene} -cycle_spectrum -cycle_wavenumbers 1000000 -summary c.json", command="cycle")
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(1)
-        process.send_signal(signal.SIGINT)
-        begin = time.monotonic()
-        _, said = process.communicate(timeout=30)
-    check(process.returncode == 130 and time.monotonic() - begin < 5, f"{process.returncode}: {said}")
-    with open("c.json", encoding="utf-8") as file:
-        found = json.load(file)
-    check(found["status"] == "stopped" and found["period"] > 0, f"{found['status']}: the cycle itself is there")
+    _, found = stopped_at(f"{scene} -cycle_spectrum -cycle_wavenumbers 1000000", "cycle", "wavenumbers", within=5)
+    check(found["period"] > 0, "the cycle itself is there")
 
 
-@pytest.mark.parametrize("kind", ["error", "limits"])
-def test_a_chart_answers_a_signal(kind):
-    words = line(f"{scene_file('chart-stiff-friction')} -chart_kind {kind} -ts_max_time 500 -chart_row_seconds 100 -chart_reference_seconds 100 "
-                 "-summary c.json", command="chart")
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(0.7)
-        process.send_signal(signal.SIGINT)
-        begin = time.monotonic()
-        _, said = process.communicate(timeout=30)
-    check(process.returncode == 130 and time.monotonic() - begin < 5, f"{process.returncode}: {said}")
-    with open("c.json", encoding="utf-8") as file:
-        found = json.load(file)
-    check(found["status"] == "stopped" and found["reason"] == "SIGINT" and found["rows"] is not None, f"{found['status']} {found['reason']}")
+@pytest.mark.parametrize("kind, sign", [("error", "reference, n = "), ("limits", "row 1 of .* steps")])
+def test_a_chart_answers_a_signal(kind, sign):
+    _, found = stopped_at(f"{scene_file('chart-stiff-friction')} -chart_kind {kind} -ts_max_time 500 -chart_row_seconds 100 "
+                          "-chart_reference_seconds 100", "chart", sign, within=5)
+    check(found["rows"] is not None, "rows")
+
+
+@pytest.mark.parametrize("scene, sign, ends", [("-ts_rtol 1e-12", "start 1 of 50, .* runs", 0), ("", "start [3-9] of 50", 1)])
+def test_a_fit_answers_a_signal_with_the_best_so_far(scene, sign, ends):
+    """In the middle of the first start and behind some: the parameters leave what is said to be left, by a run of their own."""
+    scene = f"{scene_file('fit-steps')} {scene}"
+    said, found = stopped_at(f"{scene} -fit_starts 50", "fit", sign)
+    check("what is left" in said and "stopped by SIGINT: start " in said, said)
+    check((found["starts"] > 0) == ends and all(p["error"] is None for p in found["parameters"]), found)
+    given = " ".join(f"-{p['name']} {p['value']!r}" for p in found["parameters"])
+    run(f"{scene} {given} -ts_rtol 1e-9 -ts_atol 1e-9 -out_frames 801 -out_file r.h5")
+    left = data("r.h5")["eta"][1:-1, 0] - np.loadtxt(os.path.join(SOURCE, "runs", "fit-steps.txt"))[:, 1]
+    check(found["residual"] == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-3), f"{np.sqrt(np.mean(left**2))}, {found['residual']}")
+
+
+def catches(pid, number):
+    """Whether a process has set a handler for a signal."""
+    with open(f"/proc/{pid}/status", encoding="ascii") as file:
+        return int(re.search(r"SigCgt:\s*(\w+)", file.read())[1], 16) >> (number - 1) & 1
+
+
+def test_a_signal_before_any_work_is_kept():
+    """It comes before the libraries start, and ends the search as that begins, with a summary."""
+    words = line(LONG.replace("found.json", "-"), command="boundary")
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not catches(process.pid, signal.SIGTERM):
+            pass
+        process.send_signal(signal.SIGTERM)
+        summary, said = process.communicate(timeout=60)
+    check(process.returncode == 143, f"{process.returncode}: {said}")
+    found = json.loads(summary)
+    check(found["status"] == "stopped" and found["points"] in (None, []), f"{found['status']} {found['points']}")
 
 
 def test_a_signal_ends_a_point_of_a_sweep_that_goes_on():
     sweep = ["-sweep_command", "boundary", "-sweep_parameter1", "model_c", "-sweep_values1", "1,1.1", "-out_file", "s.h5"]
     words = LONG.replace("-summary found.json", "").split() + sweep
     with subprocess.Popen(line(words, command="sweep"), stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(3)
+        while not os.path.exists("s.h5.points-0") and process.poll() is None:
+            time.sleep(0.01)
         process.send_signal(signal.SIGTERM)
         process.communicate()
     check(process.returncode == 143, process.returncode)
