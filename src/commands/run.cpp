@@ -148,6 +148,7 @@ std::string motion_words(const Summary& s, const Scene& scene) {
       parts.push_back(range_words(s, s.is_null("period") ? "quarter of the run" : "period"));
   } else if (!events) {
     parts.push_back(regime);
+    parts.push_back(range_words(s, "quarter of the run"));
     if (const Json& time = of(s, "time_to_decide"); !time.is_null())
       parts.push_back("a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)");
   }

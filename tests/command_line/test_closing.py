@@ -57,7 +57,7 @@ CATALOGUE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..",
     (("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "1", "-out_events", "-init_psi", "0", "-init_eta", "0"), "no slip event"),
     (("run", *CHAIN, "-grid_n", "1", "-load_sine_amplitude", "0.1", "-load_sine_period", "20", "-ts_max_time", "100"), "psi 0 in the mean, from 0 to 0 over"),
     (("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "400"), "stick-slip, period "),
-    (("run", "-grid_n", "32", "-ts_max_time", "5"), "undecided, a run to t = ")])
+    (("run", "-grid_n", "32", "-ts_max_time", "5"), "undecided, psi from ")])
 def test_first_words(words, first):
     """What was asked for stands first: events, the range under a load, else the regime."""
     line = said(*words).splitlines()
