@@ -21,9 +21,10 @@ def commands(program):
 def options(program, command):
     """(group, name, default, values, description) of each option of a command, in its order."""
     group = None
-    groups = said(program, command, "-help").split("one group:\n")[1].split("; -help all")[0].replace("\n", " ").split(", ")
-    lines = [line for group in groups
-             for line in ["", *said(program, command, "-help", group.strip()).split("\n\n", 3)[3].splitlines()]]
+    whole = said(program, command, "-help").split("\n\n", 3)[3].splitlines()
+    lines = [line for line in whole if not line.startswith("  -NAME_profile")]
+    if len(lines) < len(whole):  # of which only the help of that group has a line for each
+        lines += said(program, command, "-help", "profiles").split("\n\n", 3)[3].splitlines()
     for k, line in enumerate(lines):
         head = re.fullmatch(r"  -(\w+) \[(.*?)\]: (.*)", line)
         if head:
@@ -44,8 +45,8 @@ def of_all(program):
     for command in names:
         for group, name, *entry in options(program, command):
             groups.setdefault(group, {})[name] = entry
-            readers.setdefault(name, []).append(command)
-    return groups, {name: "all" if by == names else " ".join(by) for name, by in readers.items()}
+            readers.setdefault(name, {})[command] = True
+    return groups, {name: "all" if list(by) == names else " ".join(by) for name, by in readers.items()}
 
 
 def page(program):
