@@ -38,28 +38,43 @@ FILES = {
               "-chart_tolerances 1e-3,1e-5 -chart_orders 4 -chart_grids 32"),
     "limits": ("chart", "-chart_kind limits -grid_n 16 -grid_length 8 -ts_max_time 20 -chart_methods rk:4,cn"),
     "fit": ("fit", os.path.join(SOURCE, "runs/fit-steps.yaml"))}
+ALWAYS = ["ring", "ring --phase", "lyapunov --lyapunov", "hold --lab", "wave", "cycle", "diagram", "sweep cycle", "chart", "limits",
+          "limits --fails"]
 PICTURES = ["ring", "ring --profile", "ring --phase", "ring --probes", "ring --series", "ring other", "block", "lyapunov --lyapunov",
             "steps --lab", "hold --lab", "healing --lab", "spectrum", "wave", "laws", "cycle", "line", "diagram", "sweep", "sweep cycle",
             "map", "chart", "limits", "limits --fails", "fit"]
 
 
+def wanted(config):
+    """All pictures where --scenes is given, else those that differ most."""
+    return PICTURES if config.getoption("--scenes") else ALWAYS
+
+
+def pytest_generate_tests(metafunc):
+    if "words" in metafunc.fixturenames:
+        metafunc.parametrize("words", wanted(metafunc.config))
+
+
 @pytest.fixture(scope="module")
-def pictures(tmp_path_factory):
-    """All pictures, laid out with their labels placed, from one set of files."""
+def pictures(tmp_path_factory, request):
+    """The pictures, laid out with their labels placed, from one set of files."""
     import drawing
     before, folder = os.getcwd(), tmp_path_factory.mktemp("pictures")
     os.chdir(folder)
-    for name, (command, words) in FILES.items():
-        run(f"{words} -out_file {name}.h5", command=command)
     drawn = {}
-    for words in PICTURES:
+    for words in wanted(request.config):
         names = [word for word in words.split() if word[0] != "-"]
         asked = [word[2:] for word in words.split() if word[0] == "-"]
         args = SimpleNamespace(what=next((word for word in asked if word != "fails"), None), movie=False, field=None, key=None,
                                frame=None, fails="fails" in asked)
+        for name in names:
+            command, scene = FILES[name]
+            if not os.path.exists(name + ".h5"):
+                run(f"{scene} -out_file {name}.h5", command=command)
         files = [h5py.File(name + ".h5") for name in names]
         drawn[words] = drawing.draw(files, args)
-        drawn[words].savefig("p.png")
+        drawn[words].placing.finish()
+        drawn[words].draw_without_rendering()
         drawn[words].folder = str(folder)
         for file in files:
             file.close()
@@ -84,7 +99,6 @@ def seen_ticks(picture):
                     yield from (id(tick.label1), id(tick.label2))
 
 
-@pytest.mark.parametrize("words", PICTURES)
 def test_labels(pictures, words):
     import style
     from matplotlib.path import Path
@@ -111,7 +125,6 @@ def test_labels(pictures, words):
                 check(not hit, f"'{text.get_text()}' on {line.get_label()}")
 
 
-@pytest.mark.parametrize("words", PICTURES)
 def test_axes_are_named_in_words_with_their_symbol(pictures, words):
     import style
     named = [label for axes in pictures[words].axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
