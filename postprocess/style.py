@@ -44,7 +44,7 @@ NAMES = {"psi": "slip velocity", "eta": "spring force", "tau": "contact strength
 SYMBOLS = {**SYMBOL, **GREEK, "period": "T", "speed": "V", "wave_speed": "V", "length": "L", "wave_length": "L", "amplitude": "ψ",
            "growth_rate": "Re λ", "frequency": "Im λ", "F": "F", "grid_n": "n", "grid_length": "L", "slip": "s",
            **{name: name for name in ("t", "x", "k", "z")}}
-LETTER = re.compile(r"(?<![\w.:\\$^-])(?:[b-zB-Z]|a(?=[ \u00a0]=)|[α-ωΔ])[₀₁₂]?(?![\w:'-])")
+LETTER = re.compile(r"(?<![\w.:'\\$^-])(?:[b-zB-Z]|a(?=[ \u00a0]=)|[α-ωΔ])[₀₁₂]?(?![\w:'-])")
 SUBSCRIPTS = {"₀": "_0", "₁": "_1", "₂": "_2"}
 
 
@@ -117,8 +117,8 @@ class Picture(Figure):
         buffer = io.BytesIO()
         super().savefig(buffer, format="png", **settings)
         picture = Image.open(buffer).convert("RGB")
-        if buffer.tell() > 120e3:  # of many colours: a palette makes it a third as large
-            picture = picture.quantize(256, dither=Image.Dither.NONE)
+        if buffer.tell() > 120e3:  # of many colours: 24 steps of each from black to white make it a third as large
+            picture = picture.point([round(round(value / 255 * 24) * 255 / 24) for value in range(256)] * 3)
         picture.save(target, optimize=True)
         return None
 

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Draws a diagram of docs/ from a text: scripts/diagram.py scripts/diagrams/NAME.txt -o docs/NAME.png
 
 A line of the text is one element; `#` begins a comment, texts with blanks stand in quotes, `\\n` breaks a line:
