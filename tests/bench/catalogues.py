@@ -109,7 +109,7 @@ def large(paths):
                f"{np.median(slip):.2f}"]
 
 
-MANY = ["events a node and way", "b", "p", "halves: events", "typical event", "largest extent"]
+MANY = ["events per node and displacement", "b", "p", "halves: events", "typical event", "largest extent"]
 HEADS = {"size": ["n (alpha = 2)", *MANY], "loading": ["nu (n = 100)", *MANY],
          "alpha": ["alpha", "events", "blocks alone", "b on [-3.5, -0.5]", "above -0.5: events, on the fitted line",
                    "ratio of 2..5 to -1..2"],
