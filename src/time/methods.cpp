@@ -82,7 +82,7 @@ std::vector<Method> make_table() {
       {"theta", "", implicit, 2, on_request, "midpoint rule (theta 1/2); steps far beyond the shortest wave"},
       {"cn", "", implicit, 2, on_request, "Crank and Nicolson"},
       {"beuler", "", implicit, 1, on_request,
-       "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
+       "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/abs(lambda)^2"},
       {"alpha", "", implicit, 2, on_request,
        "generalised alpha: damps the shortest waves by ts_alpha_radius"},
   };
