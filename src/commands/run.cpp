@@ -230,8 +230,8 @@ std::vector<SummaryKey> observed_keys() {
       {"largest_moment", "length", "of them: the largest moment"},
       {"largest_extent", "1", "the most nodes that moved in one"},
       {"b", "1",
-       "slope of their magnitudes, density ~ exp(-b magnitude), over three units from two above the most "
-       "frequent, that of a block alone; null with fewer than 20 events there"},
+       "slope of their magnitudes, density ~ exp(-b magnitude), fitted on [M + 2, M + 5], M the most "
+       "frequent magnitude, that of single blocks; null with fewer than 20 events there"},
       {"b_error", "1", "its standard error, were they independent"},
       {"recurrence", "time",
        "of slip events: times from the end of one to that of the next, of the whole `system`, and of a "
