@@ -6,7 +6,7 @@
 // of that of the steps: a fifth, and 3 % (and the first eight steps) for the phase of a wave, which is
 // followed from each moment to the next by the speed that those before it show.
 //
-// Upward is along the plate's way (forward.hpp): where v < 0 passages are those downward.
+// Upward is in the plate's direction (forward.hpp): where v < 0 passages are those downward.
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where
 //               it goes a twentieth of the range of psi below

@@ -12,7 +12,7 @@
 
 namespace stickslip {
 
-// Of psi along the plate's way (forward.hpp): where v < 0 they are minima of psi.
+// Of psi in the plate's direction (forward.hpp): where v < 0 they are minima of psi.
 //
 // `maxima` in the summary: the last of those in the second half of the run, in their order; and
 // `maxima_period`: after how many they repeat to 1e-3 of the largest |maximum|, 0 where not within a quarter

@@ -3,7 +3,7 @@
 // solution does. What the regime (regime.hpp) measures in passing depends on the steps a little, and costs
 // less.
 //
-//   period      mean time between upward passages of psi through v (along the plate's way, forward.hpp:
+//   period      mean time between upward passages of psi through v (in the plate's direction, forward.hpp:
 //               downward ones where v < 0) at a place, in the second half of the run. A passage counts after
 //               psi was below v by a hundredth of |v| (1e-3 for v = 0), so that round-off about steady
 //               sliding has no period. Of several places: the mean of their periods.

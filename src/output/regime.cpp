@@ -139,7 +139,7 @@ struct Regime::Impl {
   SceneContext surroundings(Vec u, double t) const {
     const Scene& s = model.scene();
     SceneContext a;
-    a.v = std::abs(s.v);  // along the plate's way, as the record is
+    a.v = std::abs(s.v);  // in the plate's direction, as the record is
     a.growth = certain_growth(t);
     a.stable = growth < 0;
     a.unstable = growth > 0;

@@ -40,7 +40,7 @@ void add_profiles(const Scene& scene, RunLayout& layout) {
   }
 }
 
-// From which, and the options of its sine, v(t) and the plate's way follow exactly.
+// From which, and the options of its sine, v(t) and the plate's displacement follow exactly.
 void add_load(const Scene& scene, RunLayout& layout) {
   const Load& load = scene.load;
   if (!load.varies() || halts(scene)) return;

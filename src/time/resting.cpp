@@ -70,7 +70,7 @@ void RestingNodes::goes_on_resting(PetscInt i) {
     if (side.key[i] < infinity) side.heap.push({side.key[i], i});
 }
 
-// The first time from `from` on, if there is one up to `until`, at which the plate's way, times the
+// The first time from `from` on, if there is one up to `until`, at which the plate's displacement, times the
 // direction, is at least `level` and grows. Looked for in pieces of time in each of which v(t) changes its
 // sign at most once.
 double RestingNodes::passage(double direction, double level, double from, double until) const {

@@ -1,6 +1,6 @@
-// What rests beyond all clusters (clusters.hpp), in closed form: eta grows by K0 times the plate's way, and
-// the state goes on by itself. Two heaps, one for each direction, say which node lets go next: by the way
-// that the plate has to come until then, which under a load v(t) all nodes share; by the time with a state,
+// What rests beyond all clusters (clusters.hpp), in closed form: eta grows by K0 times the plate's displacement,
+// and the state evolves by itself. Two heaps, one for each direction, say which node starts to slip next: by the
+// displacement of the plate until then, which under a load v(t) all nodes share; by the time with a state,
 // where it is found for each node, and may not exist. All times are by the plate's clock where that halts
 // (plate.hpp), as it stands for all of them alike. No neighbour of such a node moves, so viscosity
 // between neighbours adds nothing.
@@ -59,8 +59,8 @@ class RestingNodes {
   };
   struct Side {
     double direction;
-    // of each node: the time of its release, or under a load without a state the plate's way then, times the
-    // direction
+    // of each node: the time of its release, or under a load without a state the plate's displacement then,
+    // times the direction
     std::vector<double> key;
     std::priority_queue<Release> heap = {};
     // Under a load: the time of the release that has the key `of`, or infinity where there is none before

@@ -236,7 +236,7 @@ def test_numbers_of_random_chains(seed):
 
     def passes(_, u):
         return u[0] - v
-    passes.direction = np.copysign(1, v)  # along the plate's way
+    passes.direction = np.copysign(1, v)  # in the plate's direction
     x = np.arange(n) / max(1, n - 1)
     begin = np.concatenate([start + 0.4 * np.sin(2 * np.pi * x), np.full(n, 0.1)])
     turns = [lambda t, u, i=i: system.rates(t, u)[i] for i in range(n)]

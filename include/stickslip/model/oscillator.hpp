@@ -41,8 +41,8 @@ class Oscillator {
 
   int dim() const { return friction_->has_state ? 3 : 2; }  // (f, z) or (f, z, s)
   double v() const { return v_; }
-  // 1, or -1 where v < 0: side * f is positive along the plate's way. Turns begin where side * f passes side
-  // * v upwards, so that the oscillation at -v is the mirror image of that at v in every number.
+  // 1, or -1 where v < 0: side * f is positive in the plate's direction. Turns begin where side * f passes
+  // side * v upwards, so that the oscillation at -v is the mirror image of that at v in every number.
   double side() const { return v_ < 0 ? -1 : 1; }
   double A() const { return node_.A; }
   double K0() const { return node_.K0; }
