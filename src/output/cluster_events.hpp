@@ -2,9 +2,9 @@
 // steps of clusters and with the nodes that start and stop, so that an event costs what its own nodes cost.
 //
 // The numbers are those of `Events` but for how they are had. eta before an event is eta behind it less (K1
-// D2 - K0) d and less K0 times the plate's displacement, so no field is remembered; the work of friction is that
-// of eta less what goes into motion and damping. The largest kinetic energy adds up that of clusters at their
-// own ends of steps.
+// D2 - K0) d and less K0 times the plate's displacement, so no field is remembered; the work of friction is
+// that of eta less what goes into motion and damping. The largest kinetic energy adds up that of clusters
+// at their own ends of steps.
 #pragma once
 
 #include <functional>
