@@ -48,9 +48,7 @@ def read(path, way):
         events = along_their_direction({name: data[:] for name, data in file["events"].items() if name != "rupture"})
         found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
                  "title": scene_title(file)}
-        # with load_halt the times of events are the plate's, those of frames are not
-        clock = file["series/plate_time"][-1:] if "series/plate_time" in file else found["t"][-1:] * ("clock" not in events)
-        end = found["end"] = max(clock[-1], events["t"][-1] if len(events["t"]) else 0)
+        end = found["end"] = max(plate_time(file, events), events["t"][-1] if len(events["t"]) else 0)
         plate = found["plate"] = Plate(file, end)
     if plate.way(end) == 0:
         raise Unusable("is of a plate that rests")
@@ -61,6 +59,20 @@ def read(path, way):
     keep = events["begin"] >= begin
     found["events"] = {name: values[keep] for name, values in events.items()}
     return found
+
+
+def plate_time(file, events):
+    """What the clock of events shows at the end. With load_halt that is the plate's: from the end of the last event up to the
+    last frame it goes with the run's clock, that of frames, unless something slips there."""
+    t = file["t"][-1]
+    if "clock" not in events:
+        return t
+    if "series/plate_time" in file:
+        return file["series/plate_time"][-1]
+    before = np.flatnonzero(events["clock"] <= t)
+    last = before[-1] if len(before) else None
+    gone = (0, 0) if last is None else (events["t"][last], events["clock"][last])
+    return gone[0] + (0 if file["psi"][-1].any() else t - gone[1])
 
 
 def along_their_direction(events):

@@ -155,8 +155,11 @@ void Run::make_observers(const MeasureMaker& measure) {
     if (takes_clusters()) catalogue_->take_events();
     observers_.push_back(std::move(catalogue));
   }
-  if (options_.integer("lyapunov_count") > 0)
-    observers_.push_back(std::make_unique<LyapunovExponents>(model, options_));
+  if (options_.integer("lyapunov_count") > 0) {
+    auto exponents = std::make_unique<LyapunovExponents>(model, options_);
+    exponents_ = exponents.get();
+    observers_.push_back(std::move(exponents));
+  }
   const std::vector<double> probes = options_.reals("out_probes");
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
   if (!probes.empty() && every_step)
@@ -177,7 +180,7 @@ void Run::make_observers(const MeasureMaker& measure) {
   if (options_.boolean("out_series"))
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_));
   // after the rows of the same moment
-  observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
+  observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get(), plate_));
 }
 
 void Run::make_displacement() {
@@ -234,8 +237,25 @@ void Run::limit_steps() {
   double least, most;
   SS_TRY(TSGetAdapt(integrator_->ts(), &adapt));
   SS_TRY(TSAdaptGetStepLimits(adapt, &least, &most));
-  if (longest_step_ > least && longest_step_ < most)
-    SS_TRY(TSAdaptSetStepLimits(adapt, least, longest_step_));
+  if (!(longest_step_ > least && longest_step_ < most)) return;
+  longest_anywhere_ = most;
+  const bool holds = !origin_.resumed || limit_holds(problem_.u);
+  SS_TRY(TSAdaptSetStepLimits(adapt, least, holds ? longest_step_ : most));
+}
+
+// What dies away in a massless chain does so the more slowly the more slowly blocks slide: a limit that was
+// found for sliding says nothing of a hold.
+bool Run::limit_holds(Vec u) const {
+  return !problem_.model.scene().massless() || StepAudit::is_near_sliding(problem_.model, u);
+}
+
+void Run::follow_limit(Vec u) {
+  if (longest_anywhere_ == 0 || !problem_.model.scene().massless()) return;
+  TSAdapt adapt;
+  double least, most;
+  SS_TRY(TSGetAdapt(integrator_->ts(), &adapt));
+  SS_TRY(TSAdaptGetStepLimits(adapt, &least, &most));
+  SS_TRY(TSAdaptSetStepLimits(adapt, least, limit_holds(u) ? longest_step_ : longest_anywhere_));
 }
 
 void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
@@ -247,10 +267,11 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
     set_up_clusters(checkpoint);
   else
     limit_steps();
-  if (maxima_ && integrator_->adaptive()) {
+  if (integrator_->adaptive()) {
     double absolute, relative;
     SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
-    maxima_->errors_up_to(absolute, relative);
+    if (maxima_) maxima_->errors_up_to(absolute, relative);
+    if (exponents_) exponents_->errors_up_to(absolute);
   }
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
   check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
@@ -391,6 +412,7 @@ void Run::advance_whole(Progress& progress) {
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
+  follow_limit(step.u);
   const RunControl::Decision decision = control_->after(step.index, step.t, plate_ends_at(step.t));
   if (file_ && decision.checkpoint) write_checkpoint_at(step.index, step.t, step.next_dt, step.u);
   if (decision.stop) return Integrator::Verdict::stop;

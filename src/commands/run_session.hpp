@@ -25,6 +25,7 @@
 #include "stickslip/study/trial.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
+#include "study/lyapunov.hpp"
 #include "study/simulate_clusters.hpp"
 
 namespace stickslip {
@@ -81,6 +82,8 @@ class Run {
   void restore(const Checkpoint& checkpoint);
   void make_integrator(const std::optional<Checkpoint>& checkpoint);
   void limit_steps();
+  bool limit_holds(Vec u) const;
+  void follow_limit(Vec u);
   ObservationPlan plan();
   void open_file();
   bool plate_ends_at(double t) const { return halts(scene_) && plate_.at(t) >= plate_.end; }
@@ -108,9 +111,10 @@ class Run {
   Plate plate_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
-  Regime* regime_ = nullptr;          // one of them
-  Maxima* maxima_ = nullptr;          // another, with out_maxima
-  const Measure* measure_ = nullptr;  // another, or none
+  Regime* regime_ = nullptr;                // one of them
+  Maxima* maxima_ = nullptr;                // another, with out_maxima
+  LyapunovExponents* exponents_ = nullptr;  // another, with lyapunov_count
+  const Measure* measure_ = nullptr;        // another, or none
   Origin origin_;
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;
@@ -121,8 +125,8 @@ class Run {
   // with -accuracy: reading the clock is a call of the system, which short steps would feel
   bool timed_;
   double step_seconds_ = 0;
-  // StepAudit::longest_near_sliding at the start
-  double longest_step_ = std::numeric_limits<double>::infinity();
+  // StepAudit::longest_near_sliding at the start; and the longest elsewhere, 0 where no limit is set
+  double longest_step_ = std::numeric_limits<double>::infinity(), longest_anywhere_ = 0;
   std::string last_checkpoint_;
 };
 

@@ -65,9 +65,9 @@ double FrameTimes::count_after(double t) const {
 }
 
 Frames::Frames(const Model& model, const Scene& whole, const Options& options,
-               const Displacement* displacement)
+               const Displacement* displacement, const Plate& plate)
     : model_(model), state_(whole.friction.state), most_bytes_(1e9 * options.real("out_limit")),
-      nodes_(whole.n), displacement_(displacement), work_(model.create_vector()),
+      nodes_(whole.n), displacement_(displacement), plate_(plate), work_(model.create_vector()),
       slab_(model, whole.n), times_(options) {
   if (displacement_) chi_ = displacement_->create_vector();
 }
@@ -90,6 +90,10 @@ void Frames::step(const ObservedStep& step) {
   for (; next_ <= step.t; next_ = times_.after(next_)) {
     step.interpolate(next_, work_);
     write(next_);
+  }
+  if (halts(model_.scene()) && plate_.at(step.t) >= plate_.end && file_->last_time() < step.t) {
+    SS_TRY(VecCopy(step.u, work_));
+    write(step.t);
   }
 }
 

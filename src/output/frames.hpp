@@ -32,8 +32,10 @@ class FrameTimes {
 class Frames : public Observer {
  public:
   // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times
-  // outside the run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
-  Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement);
+  // outside the run. `displacement`: nullptr, or what chi is solved with; it and the plate, at whose last time
+  // there is a frame, are the caller's.
+  Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement,
+         const Plate& plate);
   // Memory of a node whose unknowns take `unknowns` bytes: u inside a step, and the rows of the file.
   static double bytes_a_node(double unknowns) { return 2 * unknowns; }
 
@@ -49,6 +51,7 @@ class Frames : public Observer {
   double most_bytes_;  // out_limit
   std::size_t nodes_;  // of the whole scene
   const Displacement* displacement_;
+  const Plate& plate_;
   VecHandle work_, chi_;
   Slab slab_;
   std::vector<std::vector<double>> rows_;  // of the fields

@@ -4,14 +4,18 @@
 #include <cmath>
 #include <limits>
 
+#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
 #include "base/local_copy.hpp"
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
 namespace {
+
+constexpr double largest_change_of_slope = 1e-3;  // by an error that the steps allow
 
 double from_of(const Options& options) {
   const double end = options.real("ts_max_time");
@@ -76,6 +80,7 @@ void LyapunovExponents::step(const ObservedStep& step) {
   });
   std::vector<double> growth = tangents_.growth();
   if (!measuring_) return;
+  judge(step.u);
   growth.push_back(tangents_.divergence());
   const std::size_t complete = average_.add(step.t_before, step.t, growth);
   for (; written_ < complete; ++written_) {
@@ -85,12 +90,33 @@ void LyapunovExponents::step(const ObservedStep& step) {
   }
 }
 
+// Rate-and-state friction goes by ln psi, so that its slope needs the digits of psi however small that is.
+void LyapunovExponents::judge(Vec u) {
+  if (allowed_ == 0) return;
+  double least = std::numeric_limits<double>::infinity();
+  {
+    const Reading a(u);
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      if (!model_.friction_law(i).steep || model_.held(model_.first() + i)) continue;
+      const double *at = a + i * model_.dof(), state = model_.dof() == 3 ? at[2] : 0;
+      const double slope = model_.friction(i, at[0], state).F_psi,
+                   beside = model_.friction(i, at[0] + allowed_, state).F_psi;
+      if (!(std::abs(beside - slope) <= largest_change_of_slope * std::abs(slope)))
+        least = std::min(least, std::abs(at[0]));
+    }
+  }
+  least = -largest_over(model_.comm(), -least);
+  if (least < std::numeric_limits<double>::infinity())
+    least_psi_ = least_psi_ == 0 ? least : std::min(least, least_psi_);
+}
+
 void LyapunovExponents::archive(Archive& a) {
   tangents_.archive(a);
   average_.archive("lyapunov.growth", a);
   a("lyapunov.from", from_);
   a("lyapunov.measuring", measuring_);
   a("lyapunov.written", written_);
+  if (a.has("lyapunov.least")) a.list("lyapunov.least", [&](NumberList& x) { x(least_psi_); });
 }
 
 // ---- what it amounts to
@@ -103,6 +129,12 @@ void LyapunovExponents::summarise(Summary& summary, Vec u) {
          ", and nothing was measured");
     return;
   }
+  if (least_psi_ > 0)
+    warn("lyapunov_count: psi comes to " + rounded_text(least_psi_, 2) + ", where an error of ts_atol, " +
+         rounded_text(allowed_, 2) +
+         ", changes the slope of friction by a thousandth or more: the exponents are " +
+         "not to be believed (ts_atol " + rounded_text(std::min(allowed_, least_psi_) * 1e-4, 1) +
+         " or less lets ts_rtol control the error)");
   std::vector<Estimate> exponents = average_.exponents();
   const double divergence = exponents.back().value;
   exponents.pop_back();

@@ -20,6 +20,10 @@ class LyapunovExponents : public Observer {
   // The model is the whole scene. Throws UsageError where it has fewer unknowns than exponents are asked for.
   LyapunovExponents(const Model& model, const Options& options);
 
+  // Of the steps: an absolute error that they allow. A slope of friction that it changes makes the exponents
+  // those of another motion, of which summarise() warns.
+  void errors_up_to(double absolute) { allowed_ = absolute; }
+
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override { file_ = file; }
   void step(const ObservedStep& step) override;
@@ -27,6 +31,8 @@ class LyapunovExponents : public Observer {
   void summarise(Summary& summary, Vec u) override;
 
  private:
+  void judge(Vec u);
+
   const Model& model_;
   std::size_t count_;
   double from_;
@@ -34,6 +40,8 @@ class LyapunovExponents : public Observer {
   GrowthAverage average_;  // of the exponents, and behind them of the divergence
   bool measuring_ = false;
   std::size_t written_ = 0;  // rows
+  double allowed_ = 0;
+  double least_psi_ = 0;  // of |psi| where the slope of friction is not known; 0: nowhere
   RunFile* file_ = nullptr;
 };
 

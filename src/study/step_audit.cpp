@@ -225,6 +225,8 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   return v;
 }
 
+bool StepAudit::is_near_sliding(const Model& model, Vec u) { return near_sliding(model, u); }
+
 double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u,
                                        double duration) {
   const double any = std::numeric_limits<double>::infinity();

@@ -1,15 +1,20 @@
 """A plate that halts while a node slips (load_halt): against SciPy, a block in closed form, clusters against
 whole steps, energy, restarts, ranks, limits, refusals."""
 import glob
+import os
 import re
+import sys
 
 import h5py
 import numpy as np
 import pytest
 
-from calls import check, data, refused, run, same
+from calls import SOURCE, check, data, refused, run, same
 from cluster_scenes import ON, catalogue, drawn_scene, events_alike, start_file
 from halted_chain import HaltedChain
+
+sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
+import catalogue as statistics  # noqa: E402
 
 CHAIN = "-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -load_halt -bc_left free"
 TIGHT = " -ts_rtol 1e-12 -ts_atol 1e-12 -out_events -out_frames 2"
@@ -123,6 +128,15 @@ def test_energy_and_the_end_of_the_plate():
     energy = s["energy_kinetic"] + s["energy_elastic"]
     lost = e["friction_work"].sum() + e["radiated"].sum()
     check(len(e["t"]) > 20 and abs(energy[-1] - energy[0] - given.sum() + lost) < 1e-7 * lost, f"{energy[-1] - energy[0]} {given.sum()} {lost}")
+
+
+def test_a_catalogue_ends_where_the_plate_does():
+    # though no series says so, and the last event is earlier
+    for more in ("", ON):
+        run(MEDIUM + more + " -ts_max_time 1e6 -ts_max_plate 30 -out_frames 2 -out_series false -out_file end.h5")
+        one = statistics.read("end.h5", 0)
+        check(abs(one["end"] - 30) < 1e-9 and len(one["t"]) == 2, f"{one['end']}, frames at {one['t']}{more}")
+        check(one["events"]["t"][-1] < 29.9 and abs(one["way"] - 30 * 0.02) < 1e-9, f"the way {one['way']}{more}")
 
 
 @pytest.mark.parametrize("steps", ["", ON])

@@ -228,6 +228,15 @@ def test_stiff_friction():
     refused(f"{STIFF} -grid_n 1 -init_psi 0.1 -init_eta 0.1 -ts_max_time 10 -lyapunov_count 3", 1, "lyapunov_count 3", "ask for fewer exponents")
 
 
+def test_psi_without_its_digits_is_told():
+    """A block that creeps at 2e-11 between slips: its exponents need psi to a part of itself."""
+    block = [scene_file("published/erickson-block"), "-friction_b", 5, "-ts_max_time", 300, "-lyapunov_count", 1, "-ts_rtol", 1e-7]
+    told = [text for text in run(block)["warnings"] if "slope of friction" in text]
+    assert len(told) == 1 and "ts_atol" in told[0], told
+    s = run([*block, "-ts_atol", 1e-20])
+    assert not any("slope of friction" in text for text in s["warnings"]), s["warnings"]
+
+
 def test_restart_goes_on_alike_in_stiff_friction():
     whole = run(f"{STIFF} -grid_n 2 -friction_spread 0.1 -ts_max_time 40 -lyapunov_count 3 -out_file w.h5 -out_frames 3 -out_checkpoint_every 300")
     names = sorted(f for f in os.listdir(".") if f.startswith("w.chk"))

@@ -156,6 +156,15 @@ def test_steps_between_earthquakes_are_long():
     check(s["regime"] == "stick-slip" and s["amplitude"] > 0.1, f"{s['regime']} {s['amplitude']}")
 
 
+def test_a_hold_takes_few_steps():
+    """At rest deviations die away in thousands of units of time, and nothing limits the steps as it does at psi = 1."""
+    block = ("-model_form chain -grid_n 1 -bc_left free -model_m 0 -model_k0 1 -model_f0 1 -model_v 1 -friction_law rate-and-state -friction_a 0.01"
+             " -friction_b 0.006 -friction_D 1 -init_psi 1 -init_eta steady -load_v 0:1,10:1,10:0 -ts_max_time 1010")
+    s, _ = run(block)
+    exact, _ = run(block + " -ts_rtol 1e-11 -ts_atol 1e-12")
+    assert s["steps"] < 1000 and abs(s["eta_mean"] - exact["eta_mean"]) < 1e-5, f"{s['steps']} {s['eta_mean']} {exact['eta_mean']}"
+
+
 def test_what_is_refused():
     for arguments, command, parts in (
             ("-friction_law carlson-langer -model_zeta 0.9", "run", ["falls with velocity", "model_m > 0"]),

@@ -39,6 +39,9 @@ class StepAudit : public Observer {
   // after the repetition, which has an integrator and a model of its own.
   static double bytes_a_node(double unknowns) { return 4 * unknowns + 8; }
 
+  // Whether half of the nodes slide at v, to a tenth. Collective.
+  static bool is_near_sliding(const Model& model, Vec u);
+
   // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no
   // perturbation grow much faster than it should: above it steps that the error estimate allows make those of
   // a few nodes explode slowly. Infinity where the start is elsewhere, or any step will do.
