@@ -32,8 +32,8 @@ class FrameTimes {
 class Frames : public Observer {
  public:
   // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times
-  // outside the run. `displacement`: nullptr, or what chi is solved with; it and the plate, at whose last time
-  // there is a frame, are the caller's.
+  // outside the run. `displacement`: nullptr, or what chi is solved with; it and the plate, at whose last
+  // time there is a frame, are the caller's.
   Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement,
          const Plate& plate);
   // Memory of a node whose unknowns take `unknowns` bytes: u inside a step, and the rows of the file.
