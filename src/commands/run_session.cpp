@@ -428,7 +428,10 @@ void Run::write_checkpoint_at(std::int64_t step, double t, double next_dt, Vec u
   c.step = step;
   for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
   const NodeRange nodes = NodeRange::of(problem_.model);
-  Origin reached = {true, t, next_dt, step, rejections(), rhs_evaluations()};
+  // Also those of dense output within this step, which no report holds yet.
+  const long evaluations =
+      clusters_ ? rhs_evaluations() : origin_.evaluations + problem_.model.rhs_evaluations();
+  Origin reached = {true, t, next_dt, step, rejections(), evaluations};
   Archive to = Archive::to(c, nodes);
   archive(to, reached, u);
   if (clusters_) clusters_->archive(to);
