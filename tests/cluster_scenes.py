@@ -78,9 +78,7 @@ def events_alike(given, loading):
         for name in ("left", "extent", "direction", "first"):
             apart |= whole[name][:count] != own[name][:count]
         for name in ("slip", "moment", "stress_drop", "strain_energy", "friction_work", "radiated"):
-            # with a state whole steps take friction in the middle of a step at the mean of the states at its ends
-            near = 100 * bound if name == "friction_work" and "state_law" in given else bound
-            apart |= ~np.isclose(whole[name][:count], own[name][:count], rtol=near, atol=near)
+            apart |= ~np.isclose(whole[name][:count], own[name][:count], rtol=bound, atol=bound)
         for name in ("begin", "t"):
             apart |= np.abs(whole[name][:count] - own[name][:count]) > bound / loading
         return int(np.argmax(apart)) if apart.any() else count

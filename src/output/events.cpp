@@ -100,6 +100,17 @@ struct Events::Impl {
                               psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
   }
 
+  // The state in the middle of a step, on the cubic through values and slopes at its ends.
+  double middle_state(std::size_t i, double dt) const {
+    const double p0 = last[0][i], p1 = now[0][i], s0 = last[2][i], s1 = now[2][i];
+    const double direction = p0 + p1 < 0 ? -1 : 1;
+    const auto rate = [&](double psi, double s) {
+      const double at_rest = direction * std::numeric_limits<double>::min();
+      return friction[PetscInt(i)].rate(psi == 0 ? at_rest : psi, s);
+    };
+    return (s0 + s1) / 2 + dt / 8 * (rate(p0, s0) - rate(p1, s1));
+  }
+
   // psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have
   // viscosity.
   double middle(std::size_t i, double dt) const {
@@ -191,7 +202,7 @@ struct Events::Impl {
     last_force[i] = F1;
     const double m0 = A * (last[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
     const double p = d2.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt);
-    const double F = force(i, p, (s0 + s1) / 2, direction);
+    const double F = force(i, p, has_state ? middle_state(i, dt) : 0, direction);
     const double step = dt / 6 * (p0 + 4 * p + p1);
     live.moves = true;
     slip[i] += step;
@@ -231,7 +242,7 @@ struct Events::Impl {
         F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
     forces_at(from, size, p1, s1, F1);
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
-    for (std::size_t k = 0; k < size && has_state; ++k) state[k] = (s0[k] + s1[k]) / 2;
+    for (std::size_t k = 0; k < size && has_state; ++k) state[k] = middle_state(from + k, dt);
     forces_at(from, size, p, state, F);
     const auto [work, squares, ends] =
         event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
