@@ -10,8 +10,8 @@ struct Block {
   double m[hw][hw];
 };
 
-// Of nodes whose inside is eliminated (static condensation): their part of the matrix of the separators at its
-// ends, left and right.
+// Of nodes whose inside is eliminated (static condensation): their part of the matrix of the separators at
+// its ends, left and right.
 template <int hw>
 struct CondensedMatrix {
   Block<hw> LL, LR, RR;
