@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts FILE.h5 ...,
-of many. Tables of docs/published.md:  decades | large FILE.h5 ..., of many
+of many. Tables of docs/published.md:  decades | large | classes FILE.h5 ..., of many; its picture: picture PNG FILE.h5 ...
 
 b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out, of the
 tables of docs/published.md the first six. decades: b on four decades of moment, which begin at e times that of a block
 that slips between blocks at rest, and on each of them. large: events beyond the hollow, which is the least filled bin of
 one unit of magnitude, from the beginning of those four decades to the bin that
-holds most of the moment.
+holds most of the moment. classes: blocks, slip and speed of the events of two units of magnitude each; speed is extent over
+duration, in units of sqrt(k1/m).
 """
 import os
 import sys
@@ -91,22 +92,67 @@ def mean_and_interval(values):
     return f"{np.mean(values):.3g} ± {half:.1g}"
 
 
+def hollow_of(m, options):
+    """Its place, and how many times as many events to a unit of magnitude there are behind it at most."""
+    edges = np.arange(first_decade(options), m.max() + 1)
+    counts, moments = np.histogram(m, edges)[0], np.histogram(m, edges, weights=np.exp(m))[0]
+    least = int(np.argmin(counts[:np.argmax(moments) + 1]))
+    return edges[least] + 0.5, counts[least:].max() / counts[least]
+
+
 def large(paths):
     """A row for each ensemble (each alpha)."""
     for alpha, runs in ensembles([read(path, 6) for path in paths], "friction_alpha"):
         m = np.concatenate([magnitudes(run) for run in runs])
-        edges = np.arange(first_decade(runs[0]["options"]), m.max() + 1)
-        counts, moments = np.histogram(m, edges)[0], np.histogram(m, edges, weights=np.exp(m))[0]
-        least = int(np.argmin(counts[:np.argmax(moments) + 1]))
-        hollow = edges[least] + 0.5
+        hollow, rise = hollow_of(m, runs[0]["options"])
         beyond = [magnitudes(run) >= hollow for run in runs]
         moment = [np.exp(magnitudes(run)) for run in runs]
         extent = np.concatenate([run["events"]["extent"][big] for run, big in zip(runs, beyond)])
         slip = np.concatenate([mass[big] for mass, big in zip(moment, beyond)]) / extent
         yield [alpha, len(m), f"{hollow:.1f}", int(sum(big.sum() for big in beyond)),
                mean_and_interval([mass[big].sum() / mass.sum() for mass, big in zip(moment, beyond)]),
-               f"{counts[least:].max() / counts[least]:.1f}", f"{np.median(extent):.0f}, {extent.max():.0f}",
+               f"{rise:.1f}", f"{np.median(extent):.0f}, {extent.max():.0f}",
                f"{np.median(slip):.2f}"]
+
+
+def all_events(paths):
+    """Of all runs: the options, and magnitude, extent, mean slip of a block, extent over duration and speed of sound."""
+    runs = [read(path, 6) for path in paths]
+    options = runs[0]["options"]
+    m, extent, lasts = (np.concatenate(part) for part in zip(*(
+        (magnitudes(run), run["events"]["extent"], run["events"]["t"] - run["events"]["begin"]) for run in runs)))
+    return options, m, extent, np.exp(m) / extent, extent / lasts / np.sqrt(float(options["model_k1"]))
+
+
+def classes(paths):
+    _, m, *columns = all_events(paths)
+    for low in range(-8, 8, 2):
+        here = (m >= low) & (m < low + 2)
+        extent, slip, speed = (column[here] for column in columns)
+        yield [f"{low} to {low + 2}", int(here.sum()), f"{np.median(extent):g}, {extent.max():g}", f"{np.median(slip):.2g}",
+               f"{np.median(speed):.2f}"]
+
+
+def picture(output, paths):
+    """Left: events to a unit of magnitude. Right: how many blocks slip in them."""
+    from style import BLUE, GREY, REFERENCE, Picture, logarithmic, name_axes
+    options, m, extent, _, _ = all_events(paths)
+    drawn = Picture(3.2)
+    curve, blocks = drawn.subplots(1, 2)
+    edges = np.arange(-9, m.max() + 0.25, 0.25)
+    counts = np.histogram(m, edges)[0]
+    some = counts > 0
+    curve.errorbar(edges[:-1][some] + 0.125, 4 * counts[some], 4 * np.sqrt(counts[some]), fmt="o", ms=3, color=BLUE, lw=0.8)
+    blocks.plot(m, extent, ",", color=GREY, rasterized=True)
+    middle = [(edge + 0.25, np.median(extent[near])) for edge in edges[::2]
+              if np.sum(near := (m >= edge) & (m < edge + 0.5)) > 2]
+    drawn.label(blocks, "median", *blocks.plot(*np.transpose(middle), color=BLUE), where=0.3)
+    for axes in (curve, blocks):
+        axes.axvline(hollow_of(m, options)[0], **REFERENCE)
+        logarithmic(axes, "y")
+    name_axes(curve, "magnitude", f"events per unit of magnitude, {len(paths)} runs")
+    name_axes(blocks, "magnitude", "blocks that slip")
+    drawn.savefig(output)
 
 
 MANY = ["events per node and displacement", "b", "p", "halves: events", "typical event", "largest extent"]
@@ -116,19 +162,22 @@ HEADS = {"size": ["n (alpha = 2)", *MANY], "loading": ["nu (n = 100)", *MANY],
          "decades": ["magnitude", "events", "b"],
          "large": ["alpha", "events", "hollow", "beyond it", "their part of the moment", "rise behind the hollow",
                    "blocks: median, most", "slip of a block, median"],
+         "classes": ["magnitude", "events", "blocks: median, most", "slip of a block, median", "extent/(duration c)"],
          "spread": ["spread", "events", "b on [-3.5, -0.5]", "ratio of 2..5 to -1..2", "largest extent"]}
 
 
 def table(kind, paths):
     if kind == "cuts":
         return list(cuts(paths))
-    if kind in ("decades", "large"):
-        return [HEADS[kind], *(decades if kind == "decades" else large)(paths)]
+    if kind in ("decades", "large", "classes"):
+        return [HEADS[kind], *{"decades": decades, "large": large, "classes": classes}[kind](paths)]
     option = {"size": "grid_n", "loading": "model_v"}.get(kind)
     return [HEADS[kind], *(ensembles_by(paths, option) if option else (row(path, kind) for path in paths))]
 
 
 if __name__ == "__main__":
+    if sys.argv[1] == "picture":
+        sys.exit(picture(sys.argv[2], sys.argv[3:]))
     heads, *rows = table(sys.argv[1], sys.argv[2:])
     print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     for cells in rows:

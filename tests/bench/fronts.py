@@ -56,29 +56,23 @@ def main():
         for q, found, error in rows:
             print(f"| {q:.1f} | {found:.4f} | {error:.0e} | {1 / np.sqrt(1 - q * q):.4f} |")
         return
-    import figures  # noqa: F401  (fonts)
-    from matplotlib.figure import Figure
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    from style import BLACK, BLUE, REFERENCE, Picture, name_axes
+    picture = Picture(3.4)
+    speeds, path = picture.subplots(1, 2)
     q = np.linspace(0, 0.92, 300)
-    left.plot(q, 1 / np.sqrt(1 - q * q), "k-", lw=1, label="1/sqrt(1 - q²)")
-    left.plot([row[0] for row in rows], [row[1] for row in rows], "o", ms=5, label="200 blocks")
-    left.set_xlabel("q = (prestress - fd)/(fs - fd)")
-    left.set_ylabel("speed of the front over c")
-    left.legend()
+    picture.label(speeds, "1/sqrt(1 - q²)", *speeds.plot(q, 1 / np.sqrt(1 - q * q), color=BLACK, lw=1), where=0.8)
+    picture.label(speeds, "200 blocks", *speeds.plot([row[0] for row in rows], [row[1] for row in rows], "o", color=BLUE))
+    name_axes(speeds, "q = (prestress - fd)/(fs - fd)", "speed of the front over c")
     x, t, _ = times(asked.arrest)
     order = np.argsort(t)
     place, when = path_of_a_front(100, 0.2, 0.2, 0.3)
-    right.plot(when, place, "k-", lw=1, label="long chain, closed form")
-    right.plot(t[order][::6], x[order][::6], "o", ms=3, label="blocks as they begin to slip")
-    right.axhline(100, color="0.6", lw=0.8, ls="--")
-    right.axhline(200, color="0.6", lw=0.8, ls=":")
-    right.annotate("prestress falls below fd", (0, 103), color="0.4")
-    right.annotate("forces balance", (0, 203), color="0.4")
-    right.set_xlabel("t")
-    right.set_ylabel("block")
-    right.legend(loc="lower right")
-    figure.savefig(asked.output, dpi=110)
+    picture.label(path, "long chain, closed form", *path.plot(when, place, color=BLACK, lw=1), where=0.4)
+    picture.label(path, "blocks as they begin to slip", *path.plot(t[order][::6], x[order][::6], "o", ms=3, color=BLUE), where=0.9)
+    for level, words in ((100, "prestress falls below fd"), (200, "forces balance")):
+        path.axhline(level, **REFERENCE)
+        path.annotate(words, (when[-1], level + 3), ha="right", color=REFERENCE["color"])
+    name_axes(path, "t", "block")
+    picture.savefig(asked.output)
     print(asked.output)
 
 

@@ -8,7 +8,7 @@ import sys
 
 import h5py
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import iv
 
@@ -17,6 +17,7 @@ from calls import PROGRAM, SOURCE, run
 sys.path.insert(0, os.path.join(SOURCE, "tests", "bench"))
 import catalogues  # noqa: E402
 import fronts  # noqa: E402
+from reference import Stick, System  # noqa: E402
 
 
 def stickslip(command, scene, *words):
@@ -341,3 +342,129 @@ def test_strong_viscosity_stops_fronts_where_forces_balance():
     with h5py.File("front.h5") as file:
         changed = np.flatnonzero(file["eta"][-1] != file["eta"][0])
     assert changed[-1] == 1 + np.flatnonzero(surplus <= 0.3)[0]
+
+
+def two_blocks(k1):
+    return System(f"-model_form chain -grid_n 2 -bc_left free -model_k0 1 -model_k1 {k1} -model_v 0.1 "
+                  "-friction_law carlson-langer -friction_alpha 1", np.ones(2))
+
+
+def test_two_equal_blocks_move_as_one_or_are_chaotic():
+    """At k1 = 1 SciPy's multipliers round the cycle; wave pi of a chain with k1 = 1/2 is the two against each other. At
+    3.31 SciPy's exponent over 150 units, which scatters by the error of the run times sqrt(3000/150)."""
+    together = Stick(two_blocks(1), [0, 0, 0.3, 0.25], rtol=1e-9, atol=1e-11).advance(100)
+    turn = Stick(two_blocks(1), together, Y=np.eye(4), rtol=1e-9, atol=1e-11)
+    code, found = stickslip("cycle", "equal-blocks", "-model_k1", 0.5, "-lyapunov_count", 0, "-cycle_spectrum", "-out_file",
+                            "waves.h5")
+    assert code == 0 and np.abs(turn.advance(found["period"]) - together).max() < 1e-6
+    exponents = np.log(np.sort(np.abs(np.linalg.eigvals(turn.Y)))[::-1][:2]) / found["period"]
+    with h5py.File("waves.h5") as file:
+        assert abs(file["spectrum/wavenumber"][-1] - math.pi) < 1e-12
+        apart = file["spectrum/growth_rate"][-1]
+    assert np.all(np.abs(exponents - [0, apart]) < 1e-5)
+
+    _, chaos = stickslip("run", "equal-blocks")
+    logs = []
+
+    def shorten(motion):
+        logs.append(math.log(np.linalg.norm(motion.Y)))
+        motion.Y /= np.linalg.norm(motion.Y)
+    begin = Stick(two_blocks(3.31), [0, 0, 0.3, 0.25], rtol=1e-8, atol=1e-10).advance(40)
+    motion = Stick(two_blocks(3.31), begin, Y=[[0.3], [0.1], [0.8], [-0.5]], rtol=1e-8, atol=1e-10)
+    motion.advance(150, shorten)
+    shorten(motion)
+    scatter = chaos["lyapunov_largest_error"] * math.sqrt(3000 / 150)
+    assert abs(sum(logs) / 150 - chaos["lyapunov_largest"]) < 4 * scatter
+
+
+def test_waves_on_the_oscillation_of_the_cubic_change_sign_from_turn_to_turn():
+    """psi' = gamma (eta - phi), eta' = (v - psi)/gamma, and of a wave eta' = -(1 + c²k²) psi/gamma; nu = 0."""
+    code, found = stickslip("cycle", "pacemakers", "-model_nu", 0, "-cycle_spectrum", "-out_file", "waves.h5")
+    assert code == 0
+    with h5py.File("waves.h5") as file:
+        waves, multiplier = file["spectrum/wavenumber"][:], file["spectrum/multiplier_re"][:].min(axis=1)
+    lead = multiplier.argmin()
+    k = waves[lead]
+
+    def rates(_, y, k=k):
+        psi, eta = y[:2]
+        grown = np.array([[3 - 3 * psi**2, 3], [-(1 + k * k) / 3, 0]]) @ y[2:].reshape(2, 2)
+        return [3 * (eta - psi**3 / 3 + psi), (0.98 - psi) / 3, *grown.ravel()]
+
+    def up(_, y):
+        return y[0]
+    up.terminal, up.direction = True, 1
+    y = np.array([1e-9, 0, 1, 0, 0, 1])
+    for _ in range(4):
+        turn = solve_ivp(rates, (0, 60), [1e-9, y[1], 1, 0, 0, 1], method="DOP853", rtol=1e-11, atol=1e-12, events=up)
+        y = turn.y[:, -1]
+    assert abs(found["period"] / turn.t[-1] - 1) < 1e-7
+    expected = np.linalg.eigvals(y[2:].reshape(2, 2)).real.min()
+    assert expected < -2.5 and abs(multiplier[lead] / expected - 1) < 1e-5
+
+
+def test_fronts_of_an_excitable_chain():
+    """By SciPy; when a block first stops is interpolated between steps. With weak springs no pulse leaves the end."""
+    n, v, gamma = 100, 1.2, 3
+    x = np.arange(n)
+    psi = v + (-2 - v) * np.exp(-(x / 2.0)**2)
+
+    def rates(_, y):
+        u, eta = y[:n], y[n:]
+        pull = np.r_[0, np.diff(u, 2), u[-2] - u[-1]]
+        grown = np.array([gamma * (eta - u**3 / 3 + u), (v - u + pull) / gamma])
+        grown[:, 0] = 0  # held
+        return grown.ravel()
+
+    stops = [lambda _, y, i=i: y[i] for i in (50, 90)]
+    exact = solve_ivp(rates, (0, 100), np.r_[psi, psi**3 / 3 - psi], method="DOP853", rtol=1e-8, atol=1e-9, events=stops)
+    expected = 40 / (exact.t_events[1][0] - exact.t_events[0][0])
+    scene = ["-grid_n", n, "-out_probes", "50,90", "-out_file", "front.h5"]
+    for k1, end in ((1, 100), (0.1, 200)):
+        assert stickslip("run", "excitable", "-model_k1", k1, "-ts_max_time", end, *scene)[0] == 0
+        with h5py.File("front.h5") as file:
+            t, psi = file["probes/t"][:], file["probes/psi"][:]
+        if k1 == 0.1:
+            assert psi.min() > 1
+            continue
+        first = [np.interp(0, -psi[:i + 1, j], t[:i + 1]) for j in (0, 1) for i in [np.argmax(psi[:, j] < 0)]]
+        np.testing.assert_allclose(first, [found[0] for found in exact.t_events], rtol=0, atol=2e-3)
+        assert abs(40 / (first[1] - first[0]) / expected - 1) < 2e-4
+
+
+def test_a_block_with_n_shaped_friction_between_regular_and_relaxation_oscillations():
+    """The curve of Hopf points, K = -r b (1 + r/(A a)) with a = F_psi, b = dF_ss/dv, r = -g_theta (docs/theory.md). For
+    small k0 the block follows steady friction but for jumps at its extremes: T k0 tends to an integral over the two
+    branches, as k0^(2/3) (the way round a fold), and the velocities to those at which the jumps end."""
+    a, b, h = 0.05, 0.1, 0.005
+
+    def friction(psi, theta):
+        return a * np.arcsinh(psi / 0.2 * np.exp((0.6 + b * np.log(0.1 * theta + 1)) / a))
+
+    def steady(v):
+        return friction(v, 1 / np.sqrt(v**2 + h**2))
+
+    def slope(f, v):
+        return np.imag(f(v * (1 + 1e-30j))) / (v * 1e-30)
+
+    code, found = stickslip("boundary", "n-block", "-boundary_of", "sliding", "-boundary_parameter", "model_v", "-boundary_from",
+                            1e-3, "-boundary_to", 1, "-boundary_log", "-boundary_parameter2", "model_k0", "-boundary_from2", 1e-4,
+                            "-boundary_to2", 0.1, "-boundary_log2", "-boundary_points", 15)
+    assert code == 0 and len(found["points"]) > 10
+    for point in found["points"]:
+        v = point["value"]
+        r = math.hypot(v, h)
+        direct = slope(lambda w, r=r: friction(w, 1 / r), v)
+        assert abs(point["value2"] / (-r * slope(steady, v) * (1 + r / direct)) - 1) < 1e-6
+
+    top, bottom = brentq(lambda v: slope(steady, v), 0.003, 0.01), brentq(lambda v: slope(steady, v), 0.03, 0.3)
+    slow = brentq(lambda v: steady(v) - steady(bottom), 1e-6, top)
+    fast = brentq(lambda v: steady(v) - steady(top), bottom, 10)
+    limit = sum(quad(lambda x: slope(steady, math.exp(x)) * math.exp(x) / (0.02 - math.exp(x)), math.log(begin), math.log(end))[0]
+                for begin, end in ((slow, top), (fast, bottom)))
+    off = []
+    for k0 in (1e-4, 1e-5):
+        _, cycle = stickslip("cycle", "n-block", "-model_k0", k0)
+        off.append([cycle["period"] * k0 / limit - 1, cycle["psi_min"] / slow - 1, 1 - cycle["psi_max"] / fast])
+    assert np.all(np.abs(off[1]) < [0.03, 0.006, 0.006]) and np.all(np.array(off) * [1, -1, 1] * [1, 0, 1] >= 0)
+    np.testing.assert_allclose(off[0][0] / off[1][0], 10**(2 / 3), rtol=0.1)
