@@ -20,7 +20,7 @@ def speed(v, k1):
                   "-ts_max_time", 20 + 190 / float(k1)**0.5, "-out_frames", 2, "-out_file", "pulse.h5")
     group = stickslip.open("pulse.h5", "probes")
     t, psi = group["t"].values, group["psi"].values
-    if psi.min() > 0:
+    if np.any(psi.min(axis=0) > 0):
         return None
     passed = np.argmax(psi <= 0, axis=0)
     first, last = (np.interp(0, -psi[i - 1:i + 1, j], t[i - 1:i + 1]) for j, i in enumerate(passed))
