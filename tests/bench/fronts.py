@@ -67,7 +67,8 @@ def main():
     order = np.argsort(t)
     place, when = path_of_a_front(100, 0.2, 0.2, 0.3)
     picture.label(path, "long chain, closed form", *path.plot(when, place, color=BLACK, lw=1), where=0.4)
-    picture.label(path, "blocks as they begin to slip", *path.plot(t[order][::6], x[order][::6], "o", ms=3, color=BLUE), where=0.9)
+    dots = path.plot(t[order][::6], x[order][::6], "o", ms=3, color=BLUE)
+    picture.label(path, "blocks as they begin to slip", *dots, where=0.9)
     for level, words in ((100, "prestress falls below fd"), (200, "forces balance")):
         path.axhline(level, **REFERENCE)
         path.annotate(words, (when[-1], level + 3), ha="right", color=REFERENCE["color"])

@@ -16,8 +16,8 @@ STIFFNESS = ("0.1", "0.2", "0.3", "1", "3", "10", "100")
 
 def speed(v, k1):
     """None where no pulse comes."""
-    stickslip.run("run", os.path.join(SOURCE, "runs", "published", "excitable.yaml"), "-model_v", v, "-init_psi", v, "-model_k1", k1,
-                  "-ts_max_time", 20 + 190 / float(k1)**0.5, "-out_frames", 2, "-out_file", "pulse.h5")
+    stickslip.run("run", os.path.join(SOURCE, "runs", "published", "excitable.yaml"), "-model_v", v, "-init_psi", v,
+                  "-model_k1", k1, "-ts_max_time", 20 + 190 / float(k1)**0.5, "-out_frames", 2, "-out_file", "pulse.h5")
     group = stickslip.open("pulse.h5", "probes")
     t, psi = group["t"].values, group["psi"].values
     if np.any(psi.min(axis=0) > 0):
