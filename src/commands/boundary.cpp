@@ -8,6 +8,7 @@
 #include "commands/cycle_problem.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/commands/commands.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/stability/boundary.hpp"
@@ -15,6 +16,7 @@
 #include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/study/verify.hpp"
+#include "study/forced_boundary.hpp"
 
 namespace stickslip {
 
@@ -222,6 +224,71 @@ Asked asked_for(const Options& options, const Scene& scene) {
   return {of == "both", refusal.empty()};
 }
 
+// Under a load that repeats: the end of its slide alone.
+void check_forced(const Options& options, const Scene& scene) {
+  const std::string of = options.text("boundary_of");
+  if (options.is_set("boundary_of") && of != "sliding")
+    throw UsageError("-boundary_of " + of + ": under a load the end of sliding alone is looked for");
+  if (options.integer("boundary_verify") > 0)
+    throw UsageError(
+        "-boundary_verify: checks steady sliding, and under a load nothing is steady; leave it off");
+  if (scene.massless())
+    throw UsageError("-model_m 0: the slide under a load is solved for with mass; `run` takes 0");
+  if (!(scene.K0() > 0)) throw UsageError("model_k0 0: nothing pulls the slide back to the load's motion");
+  if (!scene.same_friction() || scene.any_held()) check_smooth_cell(scene);
+}
+
+std::string slide_along(ForcedBoundary& growth, const std::vector<Crossing>& points) {
+  std::string text;
+  double begin = 0;
+  for (std::size_t k = 0; k <= points.size(); ++k) {
+    const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
+    const Axis& axis = growth.axes()[0];
+    text += fmt::format("{}{} from {} to {}", k == 0 ? " " : ", ",
+                        std::isnan(rate) ? "not there"
+                        : rate > 0       ? "unstable"
+                                         : "stable",
+                        number_text(axis.value(begin)), number_text(axis.value(end)));
+    begin = end;
+  }
+  return "along " + growth.axes()[0].name + " sliding under the load is" + text;
+}
+
+int find_forced(const Options& options, const GrowthRate& scenes, Summary& summary,
+                const Provenance& provenance) {
+  const std::vector<Axis>& axes = scenes.axes();
+  const bool two = axes.size() > 1;
+  const Pulse pulse(options.text("progress"), "boundary");
+  Pulse::stage("end of sliding under the load");
+  ForcedBoundary growth(scene_of(options, axes), axes);
+  growth.watch([] { beat("slides"); });
+  check_unused_after_setup(options, "");
+  FoundBoundary found;
+  found.axes = axes;
+  const auto tell = [&] {
+    found.evaluations = growth.evaluations();
+    set_keys(summary, boundary_keys(), found);
+  };
+  keeping_what_is_found(
+      [&] {
+        found.sliding = two ? growth.curve(options.integer("boundary_points"), found.findings)
+                            : growth.points(found.findings);
+      },
+      tell);
+  tell();
+  for (const std::string& note : found.findings.notes) warn(note);
+  if (found.sliding.empty()) {
+    const double middle = growth(0.5, 0.5);
+    throw Failure("no boundary of sliding under the load: in the middle of the range " +
+                  (std::isnan(middle) ? "there is none, " + growth.why_not()
+                                      : "its growth rate is " + number_text(middle)));
+  }
+  write_file(options, scenes, found, provenance);
+  if (options.text("summary") != "-") print_points(axes, found.sliding);
+  if (!two) summary.say(slide_along(growth, found.sliding));
+  return 0;
+}
+
 // What a search that a signal ended has found.
 std::string count_text(const FoundBoundary& found) {
   std::string text = fmt::format("{} points where sliding ends, {} where stick-slip ends",
@@ -311,12 +378,15 @@ int boundary_command(const Options& options) {
     foreign = error.what();
     growth.emplace(varied({}));
   }
-  const Asked asked = asked_for(options, growth->scene(0.5, 0.5));
+  const bool forced = growth->scene(0.5, 0.5).load.varies();
+  if (forced) check_forced(options, growth->scene(0.5, 0.5));
+  const Asked asked = forced ? Asked{true, false} : asked_for(options, growth->scene(0.5, 0.5));
   return with_summary(summary, [&] {
     if (!foreign.empty())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
                     "): growth rate " + number_text((*growth)(0)) + " at both ends");
-    return find_boundary(options, *growth, summary, provenance, asked);
+    return forced ? find_forced(options, *growth, summary, provenance)
+                  : find_boundary(options, *growth, summary, provenance, asked);
   });
 }
 

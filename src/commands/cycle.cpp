@@ -94,10 +94,20 @@ Columns<CycleResults> keys() {
   return of<CycleResults>([](A a) -> const Cycle& { return a.found.cycle; }, cycle_columns()) +
          Columns<CycleResults>{
              {"multipliers", "1",
-              "Floquet multipliers of the cell, largest first: `re`, `im`; the phase mode's, 1, among them",
+              "Floquet multipliers of the cell, largest first: `re`, `im`; the phase mode's, 1, among them, "
+              "but "
+              "not under a load",
               [](A a) { return Json(a.found.cycle.multipliers); }},
-             {"multiplier_error", "1", "how far the phase mode's is from 1",
-              [](A a) { return std::abs(a.found.cycle.multipliers[a.found.cycle.phase_mode] - 1.); }},
+             {"multiplier_error", "1", "how far the phase mode's is from 1; null under a load",
+              [](A a) {
+                const Cycle& c = a.found.cycle;
+                return c.forcing_periods > 0 ? Json() : Json(std::abs(c.multipliers[c.phase_mode] - 1.));
+              }},
+             {"forcing_periods", "1", "periods of the load in one of the cycle; null without a load",
+              [](A a) {
+                const int periods = a.found.cycle.forcing_periods;
+                return periods > 0 ? Json(periods) : Json();
+              }},
              {"stable_alike", "", "perturbations that are the same in every cell decay",
               [](A a) { return growth_rate(a.found.cycle) < 0; }},
              {"stable", "",
@@ -187,13 +197,17 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
 void describe(Summary& summary, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
   const std::string cell = cycle.nodes == 1 ? "one node" : std::to_string(cycle.nodes) + " nodes";
+  const std::string of_load = cycle.forcing_periods == 0 ? ""
+                              : cycle.forcing_periods == 1
+                                  ? ", that of the load"
+                                  : fmt::format(", {} of the load", cycle.forcing_periods);
   summary.say(fmt::format(
-      "cycle of {}: period T = {:.12g}, error below {:.2g} of it; psi from {:.10g} to {:.10g}, force drop "
+      "cycle of {}: period T = {:.12g}{}, error below {:.2g} of it; psi from {:.10g} to {:.10g}, force drop "
       "{:.8g}{}",
-      cell, cycle.period, cycle.error_estimate, cycle.psi_min, cycle.psi_max, cycle.force_drop,
+      cell, cycle.period, of_load, cycle.error_estimate, cycle.psi_min, cycle.psi_max, cycle.force_drop,
       cycle.rest_fraction > 0 ? fmt::format(", at rest for {:.4g} % of the time", 100 * cycle.rest_fraction)
                               : ""));
-  if (cycle.multipliers.size() < 2) {
+  if (cycle.multipliers.size() < 2 && cycle.forcing_periods == 0) {
     summary.say("perturbations: none but a shift along the motion itself; a rest erases every other");
     return;
   }

@@ -45,11 +45,8 @@ CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, cons
   return continue_cycle(*path, first.cycle, name, from, to, steps, watch);
 }
 
-FoundCycle smooth(const Options& options, const Scene& cell) {
-  const auto found = std::make_shared<const SmoothCycle>(
-      one_node(cell) && has_neighbours(options)
-          ? uniform_cycle(cell)
-          : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
+FoundCycle smooth(const Options& options, const Scene& cell, const SmoothCycle& cycle) {
+  const auto found = std::make_shared<const SmoothCycle>(cycle);
   FoundCycle result{found->cycle, positions(cell),      found->mesh.size() - 1,
                     nullptr,      alone(options, cell), nullptr};
   if (has_neighbours(options)) result.waves = [found](int count) { return bloch_spectrum(*found, count); };
@@ -73,22 +70,44 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
   return continue_cycle(*path, path->cycle(), name, from, to, steps, watch);
 }
 
-FoundCycle sticking(const Options& options, const Scene& cell) {
-  const bool uniform = one_node(cell) && has_neighbours(options);
-  const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of_cell(options, cell));
-  if (fate.fate != Fate::repeats)
-    throw Failure("no cycle with rests: the motion " + to_string(fate.fate) + " (looked at for a time of " +
-                  rounded_text(fate.time) + ")");
-  FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, alone(options, cell), nullptr};
-  if (has_neighbours(options))
-    result.waves = [cell, course = result.cycle, stick = fate.cycle](int count) {
+[[noreturn]] void refuse_fate(const std::string& none, const StickFate& fate) {
+  throw Failure(none + ": the motion " + to_string(fate.fate) + " (looked at for a time of " +
+                rounded_text(fate.time) + ")");
+}
+
+FoundCycle sticking(const Options& options, const Scene& cell, const StickCycle& stick) {
+  FoundCycle result{described(cell, stick), positions(cell), 0, nullptr, alone(options, cell), nullptr};
+  if (has_neighbours(options) && !cell.load.varies())
+    result.waves = [cell, course = result.cycle, stick](int count) {
       return bloch_spectrum(stick, course, cell, count);
     };
-  result.branch = [options, stick = fate.cycle](const std::string& name, double to, int steps,
-                                                bool with_waves) {
+  result.branch = [options, stick](const std::string& name, double to, int steps, bool with_waves) {
     return stick_branch(options, stick, name, to, steps, with_waves);
   };
   return result;
+}
+
+FoundCycle sticking(const Options& options, const Scene& cell) {
+  const bool uniform = one_node(cell) && has_neighbours(options);
+  const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of_cell(options, cell));
+  if (fate.fate != Fate::repeats) refuse_fate("no cycle with rests", fate);
+  return sticking(options, cell, fate.cycle);
+}
+
+// Under a load: the cycle with rests that the motion settles on, or one that never stops.
+FoundCycle sticking_under_load(const Options& options, const Scene& cell) {
+  const StickFate fate = forced_stick_fate(cell, start_of_cell(options, cell));
+  if (fate.fate == Fate::repeats) return sticking(options, cell, fate.cycle);
+  if (fate.fate != Fate::oscillates) refuse_fate("no cycle", fate);
+  std::vector<double> start;
+  const std::size_t dof = cell.friction.has_state() ? 3 : 2;
+  for (PetscInt node = 0; node < cell.n; ++node)
+    for (std::size_t k = 0; k < dof && !cell.held(node); ++k)
+      start.push_back(fate.cycle.start[std::size_t(node) * dof + k]);
+  const SmoothCycle found = settled_cycle(cell, start, turns_to_settle);
+  if (!(least_along(found.cycle, cell.v) > 0))
+    throw Failure("no cycle: the motion slides without a stop, and the cycle beside it would stop");
+  return smooth(options, cell, found);
 }
 
 }  // namespace
@@ -151,12 +170,21 @@ void check_cycle_options(const Options& options, const Scene& cell) {
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
     throw UsageError(
         "cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
+  if (options.boolean("cycle_spectrum") && cell.load.varies() && cell.friction.sticks())
+    throw UsageError(
+        "cycle_spectrum: under a load waves are looked at with smooth friction (friction_stick regularised); "
+        "with exact stick take the whole scene (cycle_cell 0)");
   if (!(cell.K0() > 0))
     throw UsageError("model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
 }
 
 FoundCycle find_cycle(const Options& options, const Scene& cell) {
-  return cell.friction.sticks() ? sticking(options, cell) : smooth(options, cell);
+  const bool forced = cell.load.varies();
+  if (cell.friction.sticks()) return forced ? sticking_under_load(options, cell) : sticking(options, cell);
+  return smooth(options, cell,
+                one_node(cell) && has_neighbours(options) && !forced
+                    ? uniform_cycle(cell)
+                    : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
 }
 
 }  // namespace stickslip

@@ -87,7 +87,8 @@ struct Rates {
 // that matters is nearer to 0 than its error. No rate that is given can contradict it.
 void judge(const Rates& r, BlochSpectrum& out) {
   const double waves = std::fmax(r.of_finite, r.short_waves);  // the second may be NaN
-  const double long_wave = -r.diffusion * r.longest_wave * r.longest_wave;
+  const bool forced = std::isnan(r.diffusion);                 // long waves are as all others
+  const double long_wave = forced ? -1 : -r.diffusion * r.longest_wave * r.longest_wave;
   const bool grows = std::max({r.at_zero, r.largest, waves}) > r.error || long_wave > 1e-12;
   out.stable = !grows && r.at_zero < -r.error && waves < -r.error && long_wave < -1e-12;
   out.decided = grows || out.stable;
@@ -112,8 +113,10 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   out.largest_at_zero = out.growth_rate = growth_rate(cycle);
   if (cycle.multipliers.size() > 1) out.multiplier = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
   out.coupled = waves.coupled();
+  const bool forced = cycle.forcing_periods > 0;  // no phase diffuses, and no multiplier is 1 by itself
   const double error =
-      std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period() + 1e-12;
+      (forced ? 0 : std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period()) +
+      1e-12;
   if (!out.coupled) {
     out.stable = out.largest_at_zero < 0;
     out.decided = std::abs(out.largest_at_zero) > error;
@@ -122,9 +125,9 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   std::vector<BlochPoint> first = evenly(waves, wavenumbers);
   const size_t parts = (first.size() - 1) / size_t(wavenumbers);
   for (size_t j = parts; j < first.size(); j += parts) out.points.push_back(first[j]);
-  out.diffusion = waves.diffusion();
+  out.diffusion = forced ? std::nan("") : waves.diffusion();
   out.short_waves = waves.short_waves();
-  const WaveScan scan([&](double k) { return waves.point(k); }, std::move(first), out.diffusion,
+  const WaveScan scan([&](double k) { return waves.point(k); }, std::move(first), forced ? 0 : out.diffusion,
                       {waves.period(), waves.turning(), cycle.nodes == 1});
   const std::vector<BlochPoint>& p = scan.points();
   const double longest_wave = out.points.front().wavenumber;
@@ -178,6 +181,10 @@ BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const
 Watched watch_waves(const BlochSpectrum& spectrum) {
   Watched seen{spectrum.stable, spectrum.growth_rate, spectrum.wavenumber, {}};
   if (!spectrum.coupled) return seen;
+  if (std::isnan(spectrum.diffusion)) {  // under a load
+    seen.tests["wave"] = spectrum.largest_of_finite;
+    return seen;
+  }
   seen.tests["long-wave"] = spectrum.diffusion;
   // where long waves grow, their band and others part and join: that is no change of stability
   if (spectrum.diffusion > 0) seen.tests["wave"] = spectrum.largest_of_finite;

@@ -12,9 +12,9 @@ namespace stickslip {
 
 namespace {
 
-Frictions smooth_friction(const Scene& scene) {
+Frictions smooth_friction(const Scene& scene, bool forced) {
   const FrictionParameters& p = scene.friction;
-  if (p.sticks())
+  if (p.sticks() && !forced)
     throw UsageError("friction_law " + to_string(p.law) +
                      " jumps at rest, which collocation in time cannot follow: set "
                      "friction_stick to regularised");
@@ -32,13 +32,17 @@ NodeBlock slope_in_d2(const LinearPoint& point) {
 
 }  // namespace
 
-CellField::CellField(const Scene& scene)
-    : scene_(scene), friction_(smooth_friction(scene)), coefficients_(kernel::coefficients_of(scene)),
-      no_friction_(scene), by_d2_(slope_in_d2(no_friction_)), dof_(scene.friction.has_state() ? 3 : 2) {
+CellField::CellField(const Scene& scene, int periods)
+    : scene_(scene), friction_(smooth_friction(scene, periods > 0)),
+      coefficients_(kernel::coefficients_of(scene)), no_friction_(scene), by_d2_(slope_in_d2(no_friction_)),
+      dof_(scene.friction.has_state() ? 3 : 2), periods_(periods), sliding_(!scene.friction.sticks() ? 0
+                                                                            : scene.v < 0            ? -1
+                                                                                                     : 1) {
   std::vector<PetscInt> all;
   for (PetscInt i = 0; i < scene.n; ++i)
     if (!scene.held(i)) all.push_back(i);
   if (all.empty()) throw UsageError("every node of the scene is held: nothing can oscillate");
+  if (periods > 0 && !(scene.load.period() > 0)) throw UsageError("the sine of the load has no amplitude");
   for (std::size_t k = 0; k < all.size(); ++k) {
     const std::size_t half = k / 2;
     node_.push_back(!scene.ring() ? all[k] : k % 2 == 0 ? all[half] : all[all.size() - 1 - half]);
@@ -76,29 +80,51 @@ void CellField::couple(PetscInt node) {
   held_.push_back(held);
 }
 
-void CellField::rates(const double* y, double* f) const {
+Partials CellField::friction_at(std::size_t k, double psi, double state) const {
+  return sliding_ == 0 ? friction(k).partials(psi, state)
+                       : friction(k).sliding_partials(psi, state, sliding_);
+}
+
+RatePartials CellField::rate_at(std::size_t k, double psi, double state) const {
+  if (dof_ < 3) return {0, 0, 0};
+  return sliding_ == 0 ? friction(k).rate_partials(psi, state)
+                       : friction(k).sliding_rate(psi, state, sliding_);
+}
+
+VectorField::Period CellField::period(double q) const {
+  if (periods_ == 0) return VectorField::period(q);
+  return {periods_ * scene_.load.period(), 0};
+}
+
+void CellField::rates_at(double phase, const double* y, double* f) const {
+  rates_under(periods_ > 0 ? scene_.load(phase * period(0).T) : scene_.v, y, f);
+}
+
+void CellField::rates_under(double v, const double* y, double* f) const {
+  kernel::Coefficients coefficients = coefficients_;
+  coefficients.v = v;
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double* at = y + k * std::size_t(dof_);
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
     // by differences, which keep the digits that 1/h^2 would eat
     double d2 = held_[k].sum - held_[k].weight * psi;
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
-    const double force = amplitude_[k] * friction(k).force(psi, state);
-    const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, 0, 1);
+    const double force =
+        amplitude_[k] * (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
+    const kernel::NodeRates rates = kernel::node_rates(coefficients, psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
     out[0] = rates.psi + by_d2_.psi_psi * d2;
     out[1] = rates.eta + by_d2_.eta_psi * d2;
-    if (dof_ == 3) out[2] = friction(k).rate(psi, state);
+    if (dof_ == 3) out[2] = rate_at(k, psi, state).g;
   }
 }
 
 LinearPoint CellField::point(const double* y, std::size_t k) const {
   const double* at = y + k * std::size_t(dof_);
   const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
-  const Partials F = friction(k).partials(psi, state);
+  const Partials F = friction_at(k, psi, state);
   LinearPoint p = no_friction_;
-  p.set({a * F.F, a * F.F_psi, a * F.F_state},
-        dof_ == 3 ? friction(k).rate_partials(psi, state) : RatePartials{0, 0, 0});
+  p.set({a * F.F, a * F.F_psi, a * F.F_state}, rate_at(k, psi, state));
   return p;
 }
 
@@ -168,7 +194,7 @@ std::vector<double> CellField::sliding() const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double state = dof_ == 3 ? friction(k).steady_state(scene_.v) : 0;
     y.push_back(scene_.v);
-    y.push_back(scene_.B() * scene_.v + amplitude_[k] * friction(k).force(scene_.v, state));
+    y.push_back(scene_.B() * scene_.v + amplitude_[k] * friction_at(k, scene_.v, state).F);
     if (dof_ == 3) y.push_back(state);
   }
   return y;

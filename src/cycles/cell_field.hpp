@@ -3,6 +3,10 @@
 //
 // Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
 // ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
+//
+// Under a load that repeats (a sine) the period is known, and the number q of the equations stands for the
+// first unknown at phase 0 (plane.hpp). Friction that sticks is then that of sliding along v, which goes on
+// smoothly through psi = 0: whoever asks sees whether the motion gets there.
 #pragma once
 
 #include <algorithm>
@@ -19,16 +23,20 @@ namespace stickslip {
 
 class CellField : public VectorField {
  public:
-  // Throws UsageError where friction jumps at rest, or every node is held.
-  explicit CellField(const Scene& scene);
+  // `periods`: of the load, that are one of the motion; 0: a plate that goes evenly. Throws UsageError where
+  // friction jumps at rest and nothing forces, or every node is held.
+  explicit CellField(const Scene& scene, int periods = 0);
 
   int dim() const override { return dof_ * int(node_.size()); }
   int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
-  void rates(const double* y, double* f) const override;
+  void rates(const double* y, double* f) const override { rates_under(scene_.v, y, f); }
+  void rates_at(double phase, const double* y, double* f) const override;
+  Period period(double q) const override;
   void jacobian(const double* y, double* J) const override;
   void safeguard_step(const double* y, double h, double* dy) const override;
 
   int dof() const { return dof_; }
+  int periods() const { return periods_; }
   std::size_t nodes() const { return node_.size(); }  // solved for
   // of the scene, in the order of the unknowns
   PetscInt node(std::size_t k) const { return node_[k]; }
@@ -52,6 +60,9 @@ class CellField : public VectorField {
     double weight = 0, sum = 0;  // of D2 at held neighbours: the weights, and these times their psi
   };
   const Friction& friction(std::size_t k) const { return friction_[node_[k]]; }
+  Partials friction_at(std::size_t k, double psi, double state) const;
+  RatePartials rate_at(std::size_t k, double psi, double state) const;
+  void rates_under(double v, const double* y, double* f) const;
   LinearPoint point(const double* y, std::size_t k) const;
   bool at_an_end(std::size_t k) const;
   void couple(PetscInt node);
@@ -61,7 +72,8 @@ class CellField : public VectorField {
   kernel::Coefficients coefficients_;
   LinearPoint no_friction_;
   NodeBlock by_d2_;  // what a change of D2 psi does to the rates: psi_psi and eta_psi
-  int dof_, reach_ = 0;
+  int dof_, periods_, reach_ = 0;
+  double sliding_;  // the direction of friction that sticks, 0 for other
   std::vector<PetscInt> node_;
   std::vector<double> amplitude_;
   std::vector<std::vector<Term>> row_;  // D2 among the unknown nodes

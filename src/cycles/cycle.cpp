@@ -13,6 +13,8 @@ double growth_rate(const Cycle& cycle) {
   return largest > 0 ? std::log(largest) / cycle.period : -std::numeric_limits<double>::infinity();
 }
 
+double least_along(const Cycle& cycle, double v) { return v < 0 ? -cycle.psi_max : cycle.psi_min; }
+
 void measure(Cycle& cycle) {
   const double inf = std::numeric_limits<double>::infinity();
   cycle.psi_min = inf;

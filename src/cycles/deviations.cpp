@@ -32,12 +32,14 @@ size_t nearest_to_one(const Multipliers& multipliers) {
 
 Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.field) {
   const size_t n = cycle.mesh.size() - 1;
-  if (n % 2 == 0 && n >= 40) {
+  const bool forced = field_.periods() > 0;  // no phase mode tells how good a mesh is
+  if (n % 2 == 0 && n >= 40 && !forced) {
     std::vector<double> coarse;
     for (size_t i = 0; i <= n; i += 2) coarse.push_back(cycle.mesh[i]);
     carry_on(coarse);
   }
-  if (mesh_.empty() || !(std::abs(multipliers_[nearest_to_one(multipliers_)] - 1.) < phase_error_allowed))
+  if (mesh_.empty() || forced ||
+      !(std::abs(multipliers_[nearest_to_one(multipliers_)] - 1.) < phase_error_allowed))
     carry_on(cycle.mesh);
   if (field_.nodes() != 1) return;
   const size_t d = size_t(field_.dim());
@@ -126,9 +128,9 @@ Multipliers Deviations::of_twist(double theta) {
 void set_multipliers(SmoothCycle& cycle) {
   Deviations deviations(cycle);
   Multipliers& found = cycle.cycle.multipliers = deviations.multipliers();
-  cycle.cycle.phase_mode = nearest_to_one(found);
+  cycle.cycle.phase_mode = cycle.field->periods() > 0 ? found.size() : nearest_to_one(found);
   // of two unknowns the other's is known to all digits (Liouville), however small
-  if (found.size() == 2) {
+  if (found.size() == 2 && cycle.field->periods() == 0) {
     found[1 - cycle.cycle.phase_mode] = std::exp(-deviations.mean_damping() * cycle.cycle.period);
     cycle.cycle.phase_mode =
         std::abs(found[0]) < std::abs(found[1]) ? 1 - cycle.cycle.phase_mode : cycle.cycle.phase_mode;

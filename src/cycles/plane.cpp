@@ -42,6 +42,14 @@ Condition plane_of(std::size_t k, const std::vector<double>& y) {
   return plane;
 }
 
+Condition number_of(std::size_t unknowns, std::size_t k) {
+  Condition condition;
+  condition.y0.assign(unknowns, 0.);
+  condition.y0[k] = 1;
+  condition.q = -1;
+  return condition;
+}
+
 std::vector<double> mean_of(const std::vector<double>& mesh, const double* x, std::size_t d) {
   const Collocation& gauss = Collocation::gauss5();
   std::vector<double> mean(d);

@@ -82,6 +82,7 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   cycle.nodes = PetscInt(nodes);
   cycle.dof = field.dof();
   cycle.period = period;
+  cycle.forcing_periods = field.periods();
   const std::vector<double>& points = Collocation::gauss5().basis.points();
   for (size_t i = 0; i + 1 < mesh.size(); ++i)
     for (const double part : points)

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <optional>
 
 #include "base/local_values.hpp"
@@ -44,11 +45,12 @@ double hermite(const Sample& a, const Sample& b, double t, size_t k) {
   return HermiteCubic(a.y[k], b.y[k], h * a.f[k], h * b.f[k])((t - a.t) / h);
 }
 
-PetscErrorCode rates_for_ts(TS, PetscReal, Vec u, Vec f, void* context) {
+PetscErrorCode rates_for_ts(TS, PetscReal t, Vec u, Vec f, void* context) {
   return guarded([&] {
     const Reading in(u);
     const Writing out(f);
-    static_cast<const CellField*>(context)->rates(in, out);
+    const auto& field = *static_cast<const CellField*>(context);
+    field.rates_at(t / field.period(0).T, in, out);
   });
 }
 
@@ -69,7 +71,7 @@ class Motion {
     SS_TRY(TSSetMaxTime(ts_, 1e300));
     SS_TRY(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_STEPOVER));
     std::vector<double> f(y_.size());
-    field.rates(y_.data(), f.data());
+    field.rates_at(0, y_.data(), f.data());
     double rate = 0;
     for (size_t k = 0; k < f.size(); ++k) rate = std::max(rate, std::abs(f[k]) / (1 + std::abs(y_[k])));
     SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3)));
@@ -80,7 +82,7 @@ class Motion {
     SS_TRY(TSGetTime(ts_, &s.t));
     const Reading a(u_);
     std::copy(a + 0, a + y_.size(), s.y.begin());
-    field_.rates(s.y.data(), s.f.data());
+    field_.rates_at(s.t / field_.period(0).T, s.y.data(), s.f.data());
     return s;
   }
   Sample step() {
@@ -104,7 +106,7 @@ class Motion {
 };
 
 // A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle
-// of a mirror image is the mirror image of the cycle).
+// of a mirror image is the mirror image of the cycle). Under a load the begin of one of its periods.
 struct Passage {
   double t;
   std::vector<double> y;
@@ -113,7 +115,7 @@ struct Passage {
 class Settling {
  public:
   Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
-      : cell_(cell), field_(cell),
+      : cell_(cell), field_(cell, cell.load.varies() ? 1 : 0),
         motion_(field_, in_band_order(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
   SmoothCycle cycle(int turns);
 
@@ -121,13 +123,17 @@ class Settling {
   double turn() const { return 2 * M_PI / std::sqrt(cell_.A() * cell_.K0()); }
   void choose_section();
   double above(double psi) const { return cell_.v < 0 ? level_ - psi : psi - level_; }
+  bool forced() const { return field_.periods() > 0; }
+  double last_begin(double t) const { return std::floor(t / field_.period(0).T) * field_.period(0).T; }
   bool passes(const Sample& a, const Sample& b) const {
+    if (forced()) return last_begin(b.t) > a.t;
     return above(a.y[section_]) < 0 && above(b.y[section_]) >= 0;
   }
   Passage passage(const Sample& a, const Sample& b) const;
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
   bool attempt(size_t back, SmoothCycle& found);
+  SmoothCycle shortest(const SmoothCycle& found) const;
   void check_steps(size_t steps) const;
   void keep(Sample next);
   bool oscillates() const;
@@ -167,7 +173,10 @@ void Settling::choose_section() {
 
 Passage Settling::passage(const Sample& a, const Sample& b) const {
   const auto excess = [&](double t) { return above(hermite(a, b, t, section_)); };
-  Passage p{find_root(excess, {a.t, above(a.y[section_]), b.t, above(b.y[section_])}, 1e-14 * b.t), {}};
+  const double t =
+      forced() ? last_begin(b.t)
+               : find_root(excess, {a.t, above(a.y[section_]), b.t, above(b.y[section_])}, 1e-14 * b.t);
+  Passage p{t, {}};
   for (size_t k = 0; k < a.y.size(); ++k) p.y.push_back(hermite(a, b, p.t, k));
   return p;
 }
@@ -194,19 +203,51 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
                      for (size_t k = 0; k < y.size(); ++k) y[k] = hermite(*(after - 1), *after, t, k);
                      unfold(field_, y.data(), natural);
                    },
-                   {0}};
+                   {0},
+                   forced() ? int(std::lround(period / field_.period(0).T)) : 0};
   const size_t intervals = std::min<size_t>(times.size(), field_.dim() > 30 ? 40 : 80);
   for (size_t i = 1; i < intervals; ++i)
     guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
   guess.mesh.push_back(1);
   try {
-    found = solve_cycle(cell_, guess, tolerance_);
+    found = shortest(solve_cycle(cell_, guess, tolerance_));
   } catch (const Failure&) {
     return false;
   }
   // near the motion that it was sought from, and no rest
-  return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) &&
-         std::abs(found.cycle.period / period - 1) < .1;
+  return forced() || (found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) &&
+                      std::abs(found.cycle.period / period - 1) < .1);
+}
+
+// A cycle under a load that has repeated within its periods, as it seems to beside a doubling, is the shorter
+// one.
+SmoothCycle Settling::shortest(const SmoothCycle& found) const {
+  constexpr double same = 1e-6;
+  const int d = field_.dim(), periods = found.cycle.forcing_periods;
+  const auto at = [&](double phase) {
+    std::vector<double> y(static_cast<size_t>(d));
+    evaluate(Collocation::gauss5(), found.mesh, found.values.data(), d, phase, y.data());
+    return y;
+  };
+  const std::vector<double> begin = at(0);
+  for (int part = 1; part < periods; ++part) {
+    if (periods % part != 0) continue;
+    const double share = double(part) / periods;
+    const std::vector<double> there = at(share);
+    double apart = 0;
+    for (size_t k = 0; k < begin.size(); ++k)
+      apart = std::max(apart, std::abs(there[k] - begin[k]) / range_[k]);
+    if (apart > same) continue;
+    CycleGuess guess{
+        share * found.cycle.period,
+        [&](double phase, double* natural) { unfold(field_, at(share * phase).data(), natural); },
+        {},
+        part};
+    const int intervals = std::max(12, int(found.mesh.size()) / periods);
+    for (int i = 0; i <= intervals; ++i) guess.mesh.push_back(double(i) / intervals);
+    return solve_cycle(cell_, guess, tolerance_);
+  }
+  return found;
 }
 
 // An explicit method follows the motion: where friction is stiff (a rate-and-state law that all but rests)
@@ -248,7 +289,10 @@ void Settling::dies_out() const {
 // where the motion stays, or settles on no other.
 SmoothCycle Settling::cycle(int turns) {
   choose_section();
-  double end = samples_.back().t + 20 * turn(), best = 1e300, tried = near_enough;
+  // without a passage it slides or rests; a load's come without fail, in any number to a turn of the motion
+  const double patience = forced() ? std::numeric_limits<double>::infinity() : 20 * turn();
+  if (forced()) turns = int(std::ceil(turns * std::max(1., turn() / field_.period(0).T)));
+  double end = samples_.back().t + patience, best = 1e300, tried = near_enough;
   SmoothCycle found;
   std::optional<SmoothCycle> repelling;
   for (int count = 0; count < turns;) {
@@ -257,11 +301,11 @@ SmoothCycle Settling::cycle(int turns) {
     const bool passed = b.t <= end && passes(a, b);
     if (passed) {
       ++count;
-      end = b.t + 20 * std::max(turn(), passages_.empty() ? 0. : b.t - passages_.back().t);
+      end = b.t + std::max(patience, passages_.empty() ? 0. : 20 * (b.t - passages_.back().t));
       passages_.push_back(passage(a, b));
       if (passages_.size() > most_turns_a_period + 1) passages_.pop_front();
     }
-    if (b.t > end || (passed && passages_.size() > 1 && !oscillates())) {
+    if (b.t > end || (passed && passages_.size() > 1 && !forced() && !oscillates())) {
       if (repelling) return *repelling;
       dies_out();
     }
@@ -278,10 +322,10 @@ SmoothCycle Settling::cycle(int turns) {
   }
   if (repelling) return *repelling;
   throw Failure(
-      fmt::format("no cycle: in {} turns the motion from the start never repeats; its nearest return "
-                  "within {} turns misses by {:.3g} of its range (chaos, or a slow transient: another "
+      fmt::format("no cycle: in {} {} the motion from the start never repeats; its nearest return "
+                  "within {} of them misses by {:.3g} of its range (chaos, or a slow transient: another "
                   "start may settle)",
-                  turns, most_turns_a_period, best));
+                  turns, forced() ? "periods of the load" : "turns", most_turns_a_period, best));
 }
 
 }  // namespace

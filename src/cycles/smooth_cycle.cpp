@@ -19,7 +19,13 @@ namespace {
 
 using std::size_t;
 
-// With its residual, multipliers and errors; `estimate` is the relative one of the period.
+// The phase of a cycle through y, or under a load what the number q stands for.
+Condition number_condition(const CellField& field, const std::vector<double>& y) {
+  return field.periods() > 0 ? number_of(y.size()) : plane_across(field, y);
+}
+
+// With its residual, multipliers and errors; `estimate` is the relative one of the period, or under a load,
+// whose period is known, of psi.
 SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEquations& equations,
                      const std::vector<double>& x, const std::vector<Condition>& conditions,
                      double estimate) {
@@ -27,7 +33,7 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
   result.field = field;
   result.mesh = equations.mesh();
   result.values.assign(x.begin(), x.begin() + long((result.mesh.size() - 1) * equations.block()));
-  result.cycle = cycle_of(*field, result.mesh, result.values, std::exp(equations.q(x)));
+  result.cycle = cycle_of(*field, result.mesh, result.values, field->period(equations.q(x)).T);
   const PeriodicEquations::Step step = equations.step(x, conditions);
   result.cycle.residual = step.residual;
   // round-off: what one more step of Newton's method would move the period by, and a few units of the last
@@ -41,7 +47,7 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
 }  // namespace
 
 void check_smooth_cell(const Scene& cell) {
-  const CellField field(cell);
+  const CellField field(cell, cell.load.varies() ? 1 : 0);
   if (field.dim() > most_cell_unknowns)
     throw UsageError("a cycle of " + std::to_string(field.dim()) + " unknowns: at most " +
                      std::to_string(most_cell_unknowns) +
@@ -50,7 +56,7 @@ void check_smooth_cell(const Scene& cell) {
 }
 
 SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double tolerance) {
-  const auto field = std::make_shared<const CellField>(cell);
+  const auto field = std::make_shared<const CellField>(cell, guess.periods);
   const size_t d = size_t(field->dim());
   const auto profile = [&](double phase, double* y) {
     std::vector<double> natural(d);
@@ -60,7 +66,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   };
   std::vector<double> start(d);
   profile(0, start.data());
-  const std::vector<Condition> phase{plane_across(*field, start)};
+  const std::vector<Condition> phase{number_condition(*field, start)};
   using Solution = MeshSolution<PeriodicEquations>;
   const auto solve = [&](Solution& s) {
     const PeriodicEquations::Newton newton = s.equations.newton(s.x, phase);
@@ -68,9 +74,11 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
     return newton.converged;
   };
   Solution s{PeriodicEquations(guess.mesh, field), {}};
-  s.x = s.equations.fill(profile, std::log(guess.period));
-  const auto change = [](const Solution& coarse, const Solution& fine) {
-    return std::abs(std::expm1(coarse.q() - fine.q()));
+  s.x = s.equations.fill(profile, guess.periods > 0 ? start[0] : std::log(guess.period));
+  const double unit = 1 + std::abs(cell.v);  // of psi
+  const auto change = [&](const Solution& coarse, const Solution& fine) {
+    return field->periods() > 0 ? std::abs(coarse.q() - fine.q()) / unit
+                                : std::abs(std::expm1(coarse.q() - fine.q()));
   };
   std::vector<int> velocities;
   for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);

@@ -21,8 +21,8 @@ using std::size_t;
 constexpr int most_steps = 25;
 constexpr MeshFollowing few_unknowns{1e-9, 24, true, 1.5, 4}, many_unknowns{1e-7, 12, true, 1.5, 4};
 
-FieldFamily family_of(const std::function<Scene(double)>& scene_at) {
-  return [scene_at](double lambda) { return std::make_shared<const CellField>(scene_at(lambda)); };
+FieldFamily family_of(const std::function<Scene(double)>& scene_at, int periods) {
+  return [=](double lambda) { return std::make_shared<const CellField>(scene_at(lambda), periods); };
 }
 
 class SmoothPath : public CyclePath {
@@ -55,16 +55,23 @@ class SmoothPath : public CyclePath {
   }
   // Through the middle of the cycle, which small cycles still cross; or the unknown `section_` stays what it
   // is, so that the phase does not creep along the motion from one cycle to the next.
+  // Under a load: what q stands for.
   Condition plane(const VectorField& of, const Stand& at) const {
+    if (periods_ > 0) return number_of(d_);
     return section_ < 0 ? plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d))
                         : plane_of(size_t(section_), at.y0());
   }
   void stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error,
                 const Condition& phase);
+  // Under a load, friction that sticks where nothing stops.
+  bool slides() const { return periods_ > 0 && last_field_ && last_field_->scene().friction.sticks(); }
+  Cycle course(const CellField& cell) const {
+    return cycle_of(cell, there_.mesh, {there_.x.begin(), there_.x.end() - 2}, cell.period(there_.q()).T);
+  }
   Place place_of(const std::vector<double>& y0, const std::vector<double>& x) const;
   Condition condition(const Place& row, double right) const;
   const CellField& field(double lambda) const {
-    last_field_ = std::make_shared<const CellField>(scene_at_(lambda));
+    last_field_ = std::make_shared<const CellField>(scene_at_(lambda), periods_);
     return *last_field_;
   }
 
@@ -73,25 +80,28 @@ class SmoothPath : public CyclePath {
   double range_;
   std::vector<double> scale_;  // the range of each unknown in the first cycle
   size_t d_;
+  int periods_;  // of the load, in a cycle
   Stand here_, there_;
   int section_ = -1;
-  double turn_ = 1, candidate_turn_ = 1;  // -1 once the amplitude has passed through zero
-  mutable std::shared_ptr<const CellField> last_field_;
+  double turn_ = 1, candidate_turn_ = 1;                 // -1 once the amplitude has passed through zero
+  mutable std::shared_ptr<const CellField> last_field_;  // of the candidate
 };
 
 SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first)
-    : scene_at_(std::move(at)), range_(range), d_(size_t(first.field->dim())) {
-  family_ = family_of(scene_at_);
+    : scene_at_(std::move(at)), range_(range), d_(size_t(first.field->dim())),
+      periods_(first.field->periods()) {
+  family_ = family_of(scene_at_, periods_);
   for (const double of : ranges(first.values.data(), points_on(first.mesh), first.field->dim()))
     scale_.push_back(std::max(of, 1e-12));
   there_.d = d_;
   there_.mesh = first.mesh;
   there_.x = first.values;
-  there_.x.push_back(std::log(first.cycle.period));
+  there_.x.push_back(periods_ > 0 ? first.values[0] : std::log(first.cycle.period));
   there_.x.push_back(from);
   there_.t.assign(there_.x.size(), 0.);
   there_.period_error = first.cycle.error_estimate;
   here_ = there_;
+  last_field_ = first.field;
 }
 
 Place SmoothPath::place_of(const std::vector<double>& y0, const std::vector<double>& x) const {
@@ -120,8 +130,12 @@ void SmoothPath::go(double length, const Place& row, double right) {
     return at.equations.newton(at.x, conditions, most_steps).converged;
   };
   const double change = solve_on_suiting_mesh(solve, d_ <= 12 ? few_unknowns : many_unknowns, s);
-  const double period_error = std::isnan(change) ? here_.period_error : std::abs(std::expm1(change)) + 4e-15;
+  const double unit = 1 + std::abs(scene_at_(s.x.back()).v);
+  const double moved = periods_ > 0 ? change / unit : std::expm1(change);
+  const double period_error = std::isnan(change) ? here_.period_error : std::abs(moved) + 4e-15;
   stand_at(std::move(s.x), s.mesh(), period_error, conditions[0]);
+  if (slides() && !(least_along(course(*last_field_), last_field_->scene().v) > 0))
+    throw Failure("a slip comes to rest");
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
@@ -234,7 +248,7 @@ std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, d
   other->there_ = other->begun_at_mean(there_);
   if (!others.empty()) other->mix(others);
   other->scene_at_ = std::move(at);
-  other->family_ = family_of(other->scene_at_);
+  other->family_ = family_of(other->scene_at_, periods_);
   other->range_ = range;
   other->there_.x.back() = from;
   other->here_ = other->there_;
@@ -244,17 +258,18 @@ std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, d
 
 SmoothCycle SmoothPath::smooth() const {
   SmoothCycle result;
-  const auto cell = std::make_shared<const CellField>(scene_at_(there_.x.back()));
+  const auto cell = std::make_shared<const CellField>(scene_at_(there_.x.back()), periods_);
   result.field = cell;
   result.mesh = there_.mesh;
   result.values.assign(there_.x.begin(), there_.x.end() - 2);
   PeriodicEquations problem(there_.mesh, cell);
   const std::vector<double> x(there_.x.begin(), there_.x.end() - 1);
   const PeriodicEquations::Step step = problem.step(x, {plane(*cell, there_)});
-  result.cycle = cycle_of(*cell, result.mesh, result.values, std::exp(there_.q()));
+  result.cycle = course(*cell);
   result.cycle.residual = step.residual;
   result.cycle.error_estimate = there_.period_error;
-  result.cycle.tests["hopf"] = candidate_turn_ * result.cycle.amplitude;
+  if (slides()) result.cycle.tests["graze"] = -least_along(result.cycle, cell->scene().v);
+  if (periods_ == 0) result.cycle.tests["hopf"] = candidate_turn_ * result.cycle.amplitude;
   set_multipliers(result);
   return result;
 }

@@ -17,7 +17,7 @@ class Sampling {
   explicit Sampling(const StickMotion& m, Cycle& cycle) : m_(m), cycle_(cycle) {}
 
   void operator()(double from, double to, const std::function<void(double, double*)>& at) {
-    const int parts = resting(from, at) ? 2 : samples;
+    const int parts = !m_.forced() && resting(from, at) ? 2 : samples;
     std::vector<double> times;
     for (int k = 0; k <= parts; ++k) times.push_back(from + (to - from) * k / parts);
     times.back() = to;
@@ -85,29 +85,58 @@ void leave_out_held(const StickMotion& m, Cycle& c) {
   for (Rest& rest : c.rests) rest.node -= m.held(0) ? 1 : 0;
 }
 
+// The same cycle from phase 0 of its load on.
+StickCycle from_phase_0(const StickMotion& m, const StickCycle& cycle) {
+  StickCycle from(cycle);
+  if (!m.forced() || cycle.load.time == 0) return from;
+  StickState p{0, cycle.start, {}, {}, 0};
+  p.u.back() = cycle.load.time;
+  m.decide(p);
+  const double wait = cycle.period - cycle.load.time;
+  while (p.t < wait) m.advance(p, wait);
+  from.start = p.u;
+  from.load.time = 0;
+  return from;
+}
+
+// Which multiplier is the phase's, and how well the cycle is known: its period, or under a load its start.
+void set_error(const StickMotion& m, const StickCycle& from, const StickReturnMap& rough, Cycle& c) {
+  if (!m.forced()) {
+    for (std::size_t k = 0; k < c.multipliers.size(); ++k)
+      if (std::abs(c.multipliers[k] - 1.) < std::abs(c.multipliers[c.phase_mode] - 1.)) c.phase_mode = k;
+    c.error_estimate = std::max(1e-15, std::abs(rough.period / from.period - 1));
+    return;
+  }
+  c.phase_mode = c.multipliers.size();
+  c.error_estimate = 1e-15;
+  for (const std::size_t k : moving_unknowns(m))
+    c.error_estimate =
+        std::max(c.error_estimate, std::abs(rough.at.u[k] - from.start[k]) / (1 + std::abs(from.start[k])));
+}
+
 }  // namespace
 
 Cycle described(const Scene& scene, const StickCycle& cycle) {
   const StickMotion motion(scene), rough(scene, 1e-10);
+  const StickCycle from = from_phase_0(motion, cycle);
   Cycle c;
+  c.forcing_periods = cycle.load.periods;
   c.dof = motion.dof();
   c.period = cycle.period;
   c.residual = cycle.residual;
   c.tests["graze"] = cycle.depth;
   StickReturnMapOptions wishes;
-  wishes.passed = [&, sampling = Sampling(motion, c)](double from, double to, const auto& at) mutable {
-    sampling(from, to, at);
+  wishes.passed = [&, sampling = Sampling(motion, c)](double begin, double end, const auto& at) mutable {
+    sampling(begin, end, at);
   };
-  c.rests = return_map_of(motion, cycle, wishes).rests;
+  c.rests = return_map_of(motion, from, wishes).rests;
   std::sort(c.rests.begin(), c.rests.end(), [](const Rest& a, const Rest& b) { return a.begin < b.begin; });
   std::copy(c.states.begin(), c.states.begin() + long(motion.size()), c.states.end() - long(motion.size()));
+  leave_out_held(motion, c);
   for (std::size_t k = 0; k < c.states.size(); k += std::size_t(c.dof))  // a stop is located to round-off
     if (std::abs(c.states[k]) < 1e-13 * (1 + std::abs(scene.v))) c.states[k] = 0;
-  leave_out_held(motion, c);
   c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
-  for (std::size_t k = 0; k < c.multipliers.size(); ++k)
-    if (std::abs(c.multipliers[k] - 1.) < std::abs(c.multipliers[c.phase_mode] - 1.)) c.phase_mode = k;
-  c.error_estimate = std::max(1e-15, std::abs(return_map_of(rough, cycle, {}).period / cycle.period - 1));
+  set_error(motion, from, return_map_of(rough, from, {}), c);
   measure(c);
   return c;
 }

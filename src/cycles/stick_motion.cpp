@@ -32,7 +32,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
-      point_(scene), method_(nodes_ * dof_), method_with_deviations_(0) {
+      point_(scene), method_(size()), method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
@@ -48,6 +48,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
       nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
   longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + scene.K1() * kappa2));
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
+  if (forced()) longest_ = std::min(longest_, longest_step * scene.load.smooth_time() / M_PI);
 }
 
 bool StickMotion::held(int node) const { return scene_.held(node); }
@@ -70,8 +71,13 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
   std::array<double, 8> around{};
   for (std::size_t j = 0; j < halo_.size(); ++j)
     for (const auto& [node, weight] : halo_[j]) around[j] += weight * u[node * dof_];
-  loop_(coefficients_, {u, scene_.unit_amplitude() ? nullptr : amplitude_.data(), f, nodes_, around.data(),
-                        around.data() + half_width_, direction.data()});
+  kernel::Coefficients coefficients = coefficients_;
+  if (forced()) {
+    coefficients.v = scene_.load(u[size() - 1]);
+    f[size() - 1] = 1;
+  }
+  loop_(coefficients, {u, scene_.unit_amplitude() ? nullptr : amplitude_.data(), f, nodes_, around.data(),
+                       around.data() + half_width_, direction.data()});
   for (int i = 0; i < nodes_; ++i)
     if (held(i)) f[i * dof_] = f[i * dof_ + 1] = 0;  // its eta, which nothing feels, would drift
 }
@@ -103,6 +109,7 @@ void StickMotion::derivative(const StickState& p, const double* y, std::size_t c
   for (std::size_t c = 1; c <= count; ++c) {
     const double* x = y + c * size();
     double* g = f + c * size();
+    if (forced()) g[size() - 1] = 0;
     for (int i = 0; i < nodes_; ++i) {
       const NodeBlock& b = at[i];
       const double *xi = x + i * dof_, s = dof_ == 3 ? xi[2] : 0;
@@ -418,7 +425,7 @@ std::vector<Change> StickMotion::advance(StickState& p, double until, const Pass
   const long most = most_steps(p.count);
   for (long step = 0; p.t < until; ++step) {
     if (step > most) throw Failure("exact stick: no end of steps at t = " + number_text(p.t));
-    if (all_rest(p)) {
+    if (all_rest(p) && !forced()) {
       std::vector<Change> changes = pass_rest(p, until, passed);
       if (!changes.empty() || p.t >= until) return changes;
       throw Failure("exact stick: a node that is released does not move at t = " + number_text(p.t));

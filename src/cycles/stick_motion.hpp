@@ -9,6 +9,9 @@
 // With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours'
 // psi make differ from eta (`neighbour_force`).
 //
+// Under a load that repeats (a sine alone) the time is one unknown more, the last, from which the load
+// follows; it deviates by nothing. All rest is then integrated as any other motion.
+//
 // Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
 //
 // Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the
@@ -77,7 +80,8 @@ class StickMotion {
   const Scene& scene() const { return scene_; }
   int nodes() const { return nodes_; }
   int dof() const { return dof_; }
-  std::size_t size() const { return std::size_t(nodes_ * dof_); }
+  bool forced() const { return scene_.load.varies(); }
+  std::size_t size() const { return std::size_t(nodes_ * dof_ + (forced() ? 1 : 0)); }
   bool held(int node) const;
   double longest() const { return longest_; }               // step
   double threshold(int node, const double* u) const;        // |eta| that holds the node

@@ -12,10 +12,11 @@ namespace stickslip {
 
 namespace {
 
-constexpr double deep = 0.1;        // of 1 + |v|: a slip that would go beyond is far from grazing
-constexpr int most_changes = 2000;  // in one period
-constexpr long most_steps = 50000;  // in one period
-constexpr double settled = 1e-12;   // change of Newton's method
+constexpr double deep = 0.1;             // of 1 + |v|: a slip that would go beyond is far from grazing
+constexpr int most_changes = 2000;       // in one period
+constexpr long most_steps = 50000;       // in one period
+constexpr double settled = 1e-12;        // change of Newton's method
+constexpr double passes_section = 1e-7;  // psi of a node that is to rest there, over 1 + |v|
 
 std::string name_of(const Change& c) {
   return std::to_string(c.node) +
@@ -26,17 +27,25 @@ std::string name_of(const Change& c) {
 }
 
 // Unknowns that tell points of the section apart: all but those of held nodes, and psi and eta of the one
-// released.
-std::vector<std::size_t> free_unknowns(const StickMotion& m, int node) {
+// released, or under a load psi of those that rest.
+std::vector<std::size_t> free_unknowns(const StickMotion& m, const StickCycle& c) {
+  const auto bound = [&](int i, int k) {
+    if (k < 2 && m.held(i)) return true;
+    return m.forced() ? k == 0 && c.load.rests[i] : k < 2 && i == c.node;
+  };
   std::vector<std::size_t> free;
   for (int i = 0; i < m.nodes(); ++i)
     for (int k = 0; k < m.dof(); ++k)
-      if (!(k < 2 && (i == node || m.held(i)))) free.push_back(std::size_t(i * m.dof() + k));
+      if (!bound(i, k)) free.push_back(std::size_t(i * m.dof() + k));
   return free;
 }
 
 std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
   std::vector<double> u(c.start);
+  if (m.forced()) {
+    u.back() = c.load.time;
+    return u;
+  }
   u[c.node * m.dof()] = 0;
   u[c.node * m.dof() + 1] = c.side * m.threshold(c.node, u.data()) - m.neighbour_force(c.node, u.data());
   return u;
@@ -67,7 +76,8 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
   StickState& p = result.at;
   p.u = on_section(m, from);
   m.decide(p);
-  if (p.direction[from.node] != from.side)
+  const double load_ends = from.load.periods * m.scene().load.period();
+  if (!m.forced() && p.direction[from.node] != from.side)
     throw Failure("exact stick: a node at its threshold does not start");
   p.deviations = wishes.deviations;
   p.count = p.deviations.size() / m.size();
@@ -87,12 +97,13 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
   int released = 0;
   std::vector<double> was(p.direction);
   if (wishes.changed) wishes.changed(was, p);
-  for (int count = 0; released < from.releases; ++count) {
+  const auto goes_on = [&] { return m.forced() ? p.t < load_ends : released < from.releases; };
+  for (int count = 0; goes_on(); ++count) {
     if (count == most_changes || p.steps > most) throw Failure("exact stick: the motion does not repeat");
     beat("slips");
-    const std::vector<Change> changes =
-        m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
-    if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
+    const double until = m.forced() ? load_ends : m.all_rest(p) ? m.never : p.t + patience;
+    const std::vector<Change> changes = m.advance(p, until, wishes.passed, turned);
+    if (changes.empty() && !m.forced()) throw Failure("exact stick: a slip does not come to rest");
     if (wishes.changed) wishes.changed(was, p);
     was = p.direction;
     for (const Change& c : changes) {
@@ -109,7 +120,7 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
       if (c.node == from.node && c.before == 0 && c.after == from.side) ++released;
     }
   }
-  result.period = p.t;
+  result.period = m.forced() ? load_ends : p.t;
   result.excess = p.excess;
   for (int i = 0; i < m.nodes(); ++i)  // rests that go on into the next period
     if (const double since = rests_since[i]; since >= 0) {
@@ -125,10 +136,29 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
   return result;
 }
 
+namespace {
+
+// The map over the periods of a load.
+MapAt strobed(const StickMotion& m, const StickCycle& c, const std::vector<std::size_t>& free) {
+  StickReturnMapOptions wishes;
+  wishes.deviations.assign(free.size() * m.size(), 0.);
+  for (std::size_t j = 0; j < free.size(); ++j) wishes.deviations[j * m.size() + free[j]] = 1;
+  MapAt result{return_map_of(m, c, wishes), {}, {}};
+  for (const std::size_t k : free) {
+    result.image.push_back(result.round.at.u[k]);
+    for (std::size_t j = 0; j < free.size(); ++j)
+      result.slopes.push_back(result.round.at.deviations[j * m.size() + k]);
+  }
+  return result;
+}
+
+}  // namespace
+
 MapAt map_at(const StickMotion& m, const StickCycle& c) {
   const std::size_t size = m.size(), dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
-  const std::vector<std::size_t> free = free_unknowns(m, c.node);
+  const std::vector<std::size_t> free = free_unknowns(m, c);
   const std::size_t n = free.size();
+  if (m.forced()) return strobed(m, c, free);
   StickState p{0, on_section(m, c), {}, {}, 0};
   m.decide(p);
   std::vector<double> after(size), y(size);
@@ -165,17 +195,17 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
 std::vector<double> free_values(const StickMotion& m, const StickCycle& c) {
   const std::vector<double> u = on_section(m, c);
   std::vector<double> values;
-  for (const std::size_t k : free_unknowns(m, c.node)) values.push_back(u[k]);
+  for (const std::size_t k : free_unknowns(m, c)) values.push_back(u[k]);
   return values;
 }
 
 // A velocity that is 0 to the accuracy of Newton's method is 0: a node rests there, and does not begin with a
 // slip of 1e-29 whose stop would be one more change of the sequence.
 void set_free_values(const StickMotion& m, const std::vector<double>& values, StickCycle& c) {
-  const std::vector<std::size_t> free = free_unknowns(m, c.node);
+  const std::vector<std::size_t> free = free_unknowns(m, c);
   const double still = settled * (1 + std::abs(m.scene().v));
   for (std::size_t i = 0; i < free.size(); ++i) {
-    const bool rests = free[i] % std::size_t(m.dof()) == 0 && std::abs(values[i]) < still;
+    const bool rests = !m.forced() && free[i] % std::size_t(m.dof()) == 0 && std::abs(values[i]) < still;
     c.start[free[i]] = rests ? 0 : values[i];
   }
   c.start = on_section(m, c);
@@ -191,8 +221,10 @@ void close_cycle(const StickMotion& m, StickCycle& c) {
   c.depth = round.depth;
   c.clearance = round.clearance;
   c.residual = 0;
-  for (const std::size_t k : free_unknowns(m, c.node))
+  for (const std::size_t k : m.forced() ? moving_unknowns(m) : free_unknowns(m, c))
     c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
+  if (m.forced() && c.residual > passes_section * (1 + std::abs(m.scene().v)))
+    throw Failure("exact stick: a start or a stop passes the phase of the load at which the map is taken");
 }
 
 StickCycle polished(const StickMotion& m, const StickCycle& guess) {

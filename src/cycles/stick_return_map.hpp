@@ -28,13 +28,15 @@ struct StickReturnMapOptions {
   std::function<void(const std::vector<double>& was, const StickState& now)> changed = nullptr;
 };
 
+// Under a load: from its section on, over its periods.
+//
 // From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start
 // there, or the motion does not come back.
 StickReturnMap return_map_of(const StickMotion& motion, const StickCycle& from,
                              const StickReturnMapOptions& wishes);
 
 // The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
-// eta of the node that is released.
+// eta of the node that is released (under a load, all but psi of those that rest there).
 std::vector<double> free_values(const StickMotion& motion, const StickCycle& cycle);
 void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
 

@@ -311,14 +311,20 @@ Load read_halt(const Options& o, const Scene& s) {
 }
 
 void read_load(const Options& o, Scene& s) {
-  const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period", "load_halt"};
-  if (!o.command().empty() && o.command() != "run" && o.command() != "sweep" && o.command() != "fit")
-    refuse(o, names,
-           "the command " + o.command() +
-               " supports only a constant velocity of the plate; `run` takes a load, and halts it");
-  if (o.is_set("load_sine_period") != o.is_set("load_sine_amplitude"))
-    throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] +
-                     ": a sine needs load_sine_amplitude and " + "load_sine_period");
+  const std::vector<std::string> sine = {"load_sine_amplitude", "load_sine_period"};
+  const std::string command = o.command();
+  const bool any = command.empty() || command == "run" || command == "sweep" || command == "fit";
+  const bool periodic = any || command == "cycle" || command == "boundary";
+  if (!any)
+    refuse(o, {"load_v", "load_halt"},
+           "the command " + command + " supports only a constant velocity of the plate" +
+               (periodic ? ", with or without a sine on it" : "") + "; `run` takes a load, and halts it");
+  if (!periodic)
+    refuse(o, sine,
+           "the command " + command +
+               " supports only a constant velocity of the plate; run, cycle and boundary take a sine");
+  if (o.is_set(sine[0]) != o.is_set(sine[1]))
+    throw UsageError("-" + sine[o.is_set(sine[0]) ? 0 : 1] + ": a sine needs " + sine[0] + " and " + sine[1]);
   const std::vector<std::pair<double, double>> points = o.pairs("load_v");
   if (!points.empty() && points.front().first < 0)
     throw UsageError(shown(o, "load_v") + ": times from 0 on, where a run begins");

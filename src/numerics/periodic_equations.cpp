@@ -135,13 +135,14 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
     const auto Y = as_matrix(&x[i * b + d], s, d);
     for (int j = 0; j < s; ++j) {
       const double* at = Y.row(j).data();
-      field->rates(at, f.row(j).data());
+      const double phase = mesh_[i] + (mesh_[i + 1] - mesh_[i]) * gauss().c[size_t(j)];
+      field->rates_at(phase, at, f.row(j).data());
       field->jacobian(at, &J[j * d * d]);
       slope.row(j) = period.slope / period.T * f.row(j);
       field->add_slope(at, f.row(j).data(), slope.row(j).data());
       if (!family_) continue;
-      lower->rates(at, low.row(j).data());
-      upper->rates(at, high.row(j).data());
+      lower->rates_at(phase, at, low.row(j).data());
+      upper->rates_at(phase, at, high.row(j).data());
     }
     rate = h * a * f;
     off = Y - y.replicate(s, 1) - rate;

@@ -93,8 +93,9 @@ void load_options(OptionTableBuilder& t) {
         "time stands twice")
       .unset("none")
       .unit("velocity");
-  t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
-  t.positive("load_sine_period", "1", "run: its period", "time").where_not_zero("load_sine_amplitude");
+  t.real("load_sine_amplitude", "0", "run cycle boundary: a sine on top of v(t): its amplitude", "velocity");
+  t.positive("load_sine_period", "1", "run cycle boundary: its period", "time")
+      .where_not_zero("load_sine_amplitude");
   t.boolean("load_halt", "false",
             "run: the plate and its clock stop while any node slips (friction that sticks exactly)");
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -13,7 +14,7 @@ namespace stickslip {
 std::optional<double> closed_form_velocity(const Scene& s) {
   if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || s.any_held())
     return std::nullopt;
-  if (s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
+  if (s.load.varies() || s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
   // damping A (B + F_psi) + s delta = 0
   const double v = Friction::of(s.friction)->velocity_of_slope(-(s.B() + s.s_delta() / s.A()));
   return v >= 0 && std::isfinite(v) ? std::optional<double>(v) : std::nullopt;
@@ -86,29 +87,6 @@ double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
   for (const double x : {c.x - step, c.x + step})
     if (x >= 0 && x <= 1) slope = std::min(slope, std::abs(growth(x) - c.growth) / step);
   return std::abs(growth.axes()[0].slope(c.x) * (there - c.growth) / slope);
-}
-
-struct Sample {
-  double x, f;
-};
-
-// Samples in order, those that show a zero which G only touches, or two close together, among them: the least
-// |G| between samples of one sign.
-std::vector<Sample> with_touching_zeros(GrowthRate& growth, const std::vector<Sample>& samples) {
-  std::vector<Sample> result = samples;
-  for (std::size_t k = 1; k + 1 < samples.size(); ++k) {
-    const double before = samples[k - 1].f, here = samples[k].f, after = samples[k + 1].f;
-    if (!(here * before > 0 && here * after > 0)) continue;
-    if (std::abs(here) > std::abs(before) || std::abs(here) > std::abs(after)) continue;
-    if (std::abs(here) > 2 * std::max(std::abs(before - here), std::abs(after - here))) continue;
-    const double sign = here > 0 ? 1 : -1;
-    const Least least = find_least([&](double x) { return sign * growth(x); }, samples[k - 1].x,
-                                   samples[k + 1].x, 1e-9, [](double value) { return !(value > 0); });
-    if (least.value <= 1e-12)
-      result.push_back({least.x, least.value <= 0 && least.value > -1e-12 ? 0 : sign * least.value});
-  }
-  std::sort(result.begin(), result.end(), [](const Sample& a, const Sample& b) { return a.x < b.x; });
-  return result;
 }
 
 }  // namespace

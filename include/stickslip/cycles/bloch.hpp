@@ -31,7 +31,8 @@ struct BlochSpectrum {
   // src/cycles/wave_scan.hpp.
   double growth_rate = 0, wavenumber = 0;
   std::complex<double> multiplier = 0;
-  // The phase mode of a long wave grows at -diffusion k^2 + O(k^4); unit length^2/time.
+  // The phase mode of a long wave grows at -diffusion k^2 + O(k^4); unit length^2/time. NaN under a load,
+  // which sets the phase.
   double diffusion = 0;
   // Every deviation decays but the phase mode of k = 0, whose branch has a positive diffusion: no rate given
   // here is positive then. `decided`: false where a growth rate that matters is nearer to 0 than its error

@@ -25,12 +25,13 @@ struct Cycle {
   PetscInt nodes = 1;
   int dof = 2;  // unknowns a node
   double period = 0;
+  int forcing_periods = 0;     // of the load, in one of the cycle; 0: the plate goes evenly
   std::vector<double> times;   // 0 = first < ... < last = period; dense where the motion is steep
   std::vector<double> states;  // (times, nodes, dof), row-major; the last equals the first
   std::vector<Rest> rests;     // exact stick only, in order of `begin`
   // Floquet multipliers: what becomes of a deviation in one period. Largest modulus first, complex ones as
-  // neighbours, the phase mode's (1 but for the error) included: number phase_mode of the list. Directions
-  // that a rest wipes out have the multiplier 0.
+  // neighbours, the phase mode's (1 but for the error) included: number phase_mode of the list, or of none
+  // under a load, which sets the phase. Directions that a rest wipes out have the multiplier 0.
   std::vector<std::complex<double>> multipliers;
   std::size_t phase_mode = 0;
 
@@ -55,6 +56,10 @@ struct Cycle {
 // Largest growth rate ln|multiplier|/period but for the phase mode's; -infinity where every other deviation
 // is wiped out.
 double growth_rate(const Cycle& cycle);
+
+// The least psi of a node along v: where it is positive none ever stops, and friction that sticks is that of
+// sliding throughout.
+double least_along(const Cycle& cycle, double v);
 
 // psi_min, psi_max, amplitude and force_drop from `states`, which must be dense enough to show them;
 // rest_fraction from `rests`.

@@ -3,6 +3,9 @@
 // A scene's nodes are the cell: one node alone is uniform motion. Collocation at five Gauss points an
 // interval on a mesh that follows the motion (numerics/periodic_equations.hpp); the phase is that of a plane
 // across the motion. Computed alike on every rank, nothing communicates.
+//
+// Under a load that repeats (Scene::load, a sine alone) a cycle takes a whole number of its periods, and its
+// multipliers are those of the map over them. Friction that sticks is allowed where the motion never stops.
 #pragma once
 
 #include <functional>
@@ -36,9 +39,11 @@ struct CycleGuess {
   double period = 0;
   std::function<void(double phase, double* y)> at;
   std::vector<double> mesh;  // of phases that follow it
+  int periods = 0;           // of the load, if there is one: they say the period
 };
 
-// Throws UsageError where friction jumps at rest or the cell has more than most_cell_unknowns.
+// Throws UsageError where friction jumps at rest and nothing forces, or the cell has more than
+// most_cell_unknowns.
 void check_smooth_cell(const Scene& cell);
 
 // The cycle near a guess, with a period to the relative accuracy `tolerance`. Throws Failure where Newton's

@@ -8,6 +8,10 @@
 // gives the multipliers. One block without a state has no free coordinate: its cycle is the slip that begins
 // at psi = 0, eta = threshold, and the rest that follows.
 //
+// Under a load that repeats (Scene::load, a sine alone) the section is a phase of the load, away from all
+// starts and stops, and the map that of a whole number of its periods. Its free coordinates are all unknowns
+// but psi of the nodes that rest at that phase.
+//
 // For cells of few nodes (stick_cycle_limit), on rings, between free or held ends. Nothing here is
 // collective; every rank computes the same.
 #pragma once
@@ -41,12 +45,21 @@ enum class Fate {
 };
 std::string to_string(Fate fate);  // in words: "slides steadily", ...
 
+// The section of a cycle under a load.
+struct LoadPhase {
+  int periods = 0;            // of the load, in one of the cycle; 0: a plate that goes evenly
+  double time = 0;            // of the section, 0 <= time < the periods
+  std::vector<bool> rests{};  // of each node, whether it rests there
+};
+
 // A cycle of a cell on its section.
 struct StickCycle {
-  std::vector<double> start;  // unknowns at the release of the node `node` towards `side`
+  std::vector<double>
+      start;  // unknowns at the release of the node `node` towards `side`, then, under a load, time
   int node = 0;
   double side = 1;
   int releases = 1;  // of that node in one period
+  LoadPhase load;    // under a load, in place of a node, its side and releases
   double period = 0;
   double residual = 0;   // |return map - start|, the largest of the free coordinates
   std::string sequence;  // of starts and stops, in words that differ where it does
@@ -70,6 +83,11 @@ struct StickFate {
 StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience = 400);
 // The same of a uniform scene's one node, from a release after a long rest.
 StickFate uniform_stick_fate(const Scene& one_node);
+
+// The same under a load: until what it does in up to 12 of its periods repeats, in `patience` of them, or of
+// turns of a node if these are longer. `oscillates`: without a stop; the cycle's start is then where the
+// motion had come to at phase 0.
+StickFate forced_stick_fate(const Scene& scene, const std::vector<double>& start, int patience = 400);
 
 // How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the
 // scene: the depth of the cycle that the motion settles on from a release after a long rest (negative: it

@@ -1,5 +1,6 @@
-// Periodic solutions of smooth autonomous systems y' = f(y; lambda) as a boundary-value problem: collocation
-// at five Gauss points an interval, Newton's method, Floquet multipliers.
+// Periodic solutions of smooth systems y' = f(y; lambda) as a boundary-value problem: collocation at five
+// Gauss points an interval, Newton's method, Floquet multipliers. A system may depend on the phase too
+// (forcing), with a period that is known and a Jacobian that does not.
 //
 // In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, one number q
 // (ln T, unless the system says otherwise) and, on a branch, the parameter lambda:
@@ -29,6 +30,11 @@ class VectorField {
   virtual int dim() const = 0;
   virtual int band() const { return dim() - 1; }  // df_i/dy_j = 0 for |i - j| > band
   virtual void rates(const double* y, double* f) const = 0;
+  // The same at a phase, where they depend on it.
+  virtual void rates_at(double phase, const double* y, double* f) const {
+    static_cast<void>(phase);
+    rates(y, f);
+  }
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
   // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given,
   // about.

@@ -1,0 +1,152 @@
+// The cycle with rests that a motion under a load settles on: looked at from period to period of the load.
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <optional>
+
+#include "base/pulse.hpp"
+#include "cycles/stick_return_map.hpp"
+#include "model/escape.hpp"
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr int most_periods = 12;      // of the load in a cycle
+constexpr double looks_equal = 1e-4;  // psi over 1 + |v|, eta and the state at two beginnings of a period
+
+class ForcedSearch {
+ public:
+  ForcedSearch(const StickMotion& m, int patience)
+      : m_(m), period_(m.scene().load.period()), escape_(escape_velocity(m.scene())) {
+    const Scene& s = m.scene();
+    const double turn = 2 * M_PI / std::sqrt(s.A() * s.K0());
+    most_ = patience * std::max(1., turn / period_);
+  }
+
+  StickFate operator()(const std::vector<double>& start) {
+    StickState p{0, start, {}, {}, 0};
+    p.u.push_back(0);
+    m_.decide(p);
+    double next_try = 1;
+    for (double periods = 1; periods <= most_; ++periods) {
+      const bool changed = pass_period(p);
+      const double t = periods * period_;
+      if (fastest(p) > escape_) return {Fate::grows, {}, t};
+      quiet_ = changed ? 0 : quiet_ + 1;
+      const int back = repeats_after(p);
+      if (back > 0 && quiet_ > most_periods) {
+        StickFate ended{m_.all_rest(p) ? Fate::stuck : Fate::oscillates, {}, t};
+        ended.cycle.start = p.u;
+        return ended;
+      }
+      if (back == 0 || quiet_ > 0 || periods < next_try) continue;
+      if (const std::optional<StickCycle> found = cycle(p, back)) return {Fate::repeats, *found, t};
+      next_try = 1.5 * periods;  // what only seems to repeat does so for long
+    }
+    return {Fate::wanders, {}, most_ * period_};
+  }
+
+ private:
+  // On to the next beginning of a period, the clock set back. Whether a node has started or stopped.
+  bool pass_period(StickState& p) const {
+    bool changed = false;
+    while (p.t < period_) {
+      beat("slips");
+      if (!m_.advance(p, period_).empty()) changed = true;
+    }
+    p.t = p.u.back() = 0;
+    return changed;
+  }
+  double fastest(const StickState& p) const {
+    double most = 0;
+    for (int i = 0; i < m_.nodes(); ++i) most = std::max(most, std::abs(p.u[i * m_.dof()]));
+    return most;
+  }
+
+  // How many periods ago it was the same; 0 where in none that is remembered. Remembers this one.
+  int repeats_after(const StickState& p) {
+    int found = 0;
+    const double unit = 1 + std::abs(m_.scene().v);
+    for (std::size_t back = 0; back < seen_.size() && found == 0; ++back) {
+      double apart = 0;
+      for (std::size_t k = 0; k < p.u.size(); ++k)
+        apart =
+            std::max(apart, std::abs(p.u[k] - seen_[back][k]) / (k % std::size_t(m_.dof()) == 0 ? unit : 1));
+      if (apart < looks_equal) found = int(back) + 1;
+    }
+    seen_.push_front(p.u);
+    if (seen_.size() > most_periods) seen_.pop_back();
+    return found;
+  }
+
+  // The section: the middle of the longest time without a start or a stop.
+  StickCycle on_section(const StickState& from, int periods) const {
+    StickState p(from);
+    const double end = periods * period_;
+    std::vector<double> times;
+    while (p.t < end)
+      if (!m_.advance(p, end).empty()) times.push_back(p.t);
+    double longest = 0, middle = 0;
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const double next = k + 1 < times.size() ? times[k + 1] : times[0] + end;
+      if (next - times[k] <= longest) continue;
+      longest = next - times[k];
+      middle = std::fmod(times[k] + longest / 2, end);
+    }
+    p = from;
+    while (p.t < middle) m_.advance(p, middle);
+    StickCycle c;
+    c.start = p.u;
+    c.load = {periods, middle, {}};
+    for (const double direction : p.direction) c.load.rests.push_back(direction == 0);
+    return c;
+  }
+
+  std::optional<StickCycle> cycle(const StickState& p, int periods) const {
+    const StickCycle near = on_section(p, periods);
+    try {
+      const StickCycle found = polished(m_, near);
+      double apart = 0;
+      for (std::size_t k = 0; k < found.start.size(); ++k)
+        apart = std::max(apart, std::abs(found.start[k] - near.start[k]));
+      if (apart > 100 * looks_equal * (1 + std::abs(m_.scene().v)) || !attracts(m_, found))
+        return std::nullopt;
+      return shortest(found);
+    } catch (const Failure&) {
+      return std::nullopt;
+    }
+  }
+
+  // A cycle that has repeated within its periods, as it seems to beside a doubling, is the shorter one.
+  StickCycle shortest(const StickCycle& found) const {
+    constexpr double same = 1e-7;
+    for (int periods = 1; periods < found.load.periods; ++periods) {
+      if (found.load.periods % periods != 0) continue;
+      StickCycle part(found);
+      part.load.periods = periods;
+      part.load.time = std::fmod(found.load.time, periods * period_);
+      double apart = 0;
+      const StickReturnMap round = return_map_of(m_, part, {});
+      for (const std::size_t k : moving_unknowns(m_))
+        apart = std::max(apart, std::abs(round.at.u[k] - found.start[k]));
+      if (apart < same * (1 + std::abs(m_.scene().v))) return polished(m_, part);
+    }
+    return found;
+  }
+
+  const StickMotion& m_;
+  double period_, escape_, most_;
+  int quiet_ = 0;  // periods without a start or a stop
+  std::deque<std::vector<double>> seen_;
+};
+
+}  // namespace
+
+StickFate forced_stick_fate(const Scene& scene, const std::vector<double>& start, int patience) {
+  const StickMotion motion(scene);
+  return ForcedSearch(motion, patience)(start);
+}
+
+}  // namespace stickslip

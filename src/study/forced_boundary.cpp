@@ -1,0 +1,155 @@
+#include "study/forced_boundary.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cycles/deviations.hpp"
+#include "numerics/sampled_zeros.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/cycles/forced_slide.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Those of its grid; in the continuum the longest of these, without what the grid makes of them.
+Waves waves_of(const Scene& scene) {
+  const Waves grid = Waves::of(scene);
+  return scene.form == Form::chain ? grid : Waves::of_continuum(scene, grid.resolved(scene).count);
+}
+
+}  // namespace
+
+SlideStability stability_of_slide(const Scene& scene) {
+  const bool alike = scene.same_friction() && !scene.any_held();
+  const SmoothCycle slide = forced_slide(alike ? one_node_of(scene) : scene);
+  SlideStability out;
+  out.least = least_along(slide.cycle, scene.v);
+  out.period = slide.cycle.period;
+  out.residual = slide.cycle.residual;
+  out.multiplier = slide.cycle.multipliers.front();
+  if (alike && scene.n > 1 && scene.K1() > 0) {
+    constexpr std::int64_t all_of_first = 100, part = 50;
+    const Waves waves = waves_of(scene);
+    Deviations deviations(slide);
+    for (std::int64_t j = 0; j < waves.count; j += j < all_of_first ? 1 : j / part) {
+      if (waves.k(j) == 0) continue;
+      const std::complex<double> mu = deviations.of_wave(waves.kappa2(j)).front();
+      if (!(std::abs(mu) > std::abs(out.multiplier))) continue;
+      out.multiplier = mu;
+      out.wavenumber = waves.k(j);
+    }
+  }
+  out.growth = std::log(std::abs(out.multiplier)) / out.period;
+  return out;
+}
+
+bool ForcedBoundary::look(double x, double y) {
+  ++evaluations_;
+  if (each_) each_();
+  const Scene scene = scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+  sticks_ = scene.friction.sticks();
+  try {
+    seen_ = stability_of_slide(scene);
+  } catch (const Error& failure) {
+    why_not_ = failure.what();
+    return false;
+  }
+  why_not_ = sticks_ && !(seen_.least > 0) ? "it comes to a stop" : "";
+  return true;
+}
+
+double ForcedBoundary::operator()(double x, double y) {
+  return look(x, y) && why_not_.empty() ? seen_.growth : std::nan("");
+}
+
+double ForcedBoundary::least(double x) { return look(x, 0) ? seen_.least : std::nan(""); }
+
+Crossing ForcedBoundary::crossing(double x, double y) {
+  Crossing c;
+  c.x = x;
+  c.y = y;
+  c.value = axes_[0].value(x);
+  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
+  c.growth = (*this)(x, y);
+  c.residual = seen_.residual;
+  c.wavenumber = seen_.wavenumber;
+  const std::complex<double> mu = seen_.multiplier;
+  c.frequency = std::abs(std::arg(mu)) / seen_.period;
+  c.kind = std::abs(mu.imag()) > 1e-6 * std::abs(mu) ? "torus" : mu.real() < 0 ? "flip" : "fold";
+  return c;
+}
+
+// Where psi comes to 0 while nothing grows.
+void ForcedBoundary::add_stops(const std::vector<double>& least_at, std::vector<Crossing>& found) {
+  const double pieces = double(least_at.size() - 1);
+  for (std::size_t k = 0; k + 1 < least_at.size(); ++k) {
+    if (!(least_at[k] * least_at[k + 1] < 0)) continue;
+    const double at =
+        find_root([&](double x) { return least(x); },
+                  {double(k) / pieces, least_at[k], double(k + 1) / pieces, least_at[k + 1]}, 1e-12);
+    if (std::isnan(at)) continue;
+    Crossing c = crossing(at, 0);
+    if (seen_.growth > 0) continue;
+    c.kind = "stop";
+    c.growth = seen_.growth;
+    c.frequency = 2 * M_PI / seen_.period;
+    c.wavenumber = 0;
+    found.push_back(c);
+  }
+}
+
+std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
+  constexpr int pieces = 32;
+  std::vector<Sample> samples;
+  std::vector<double> least_at;
+  findings.samples.side = pieces + 1;
+  for (int k = 0; k <= pieces; ++k) {
+    // an end without a sine: as near to it as can be
+    const double x = k == 0 ? 1e-9 : k == pieces ? 1 - 1e-9 : double(k) / pieces;
+    samples.push_back({x, (*this)(x)});
+    least_at.push_back(sticks_ && (why_not_.empty() || !(seen_.least > 0)) ? seen_.least : std::nan(""));
+    findings.samples.growth.push_back(samples.back().f);
+  }
+  std::vector<Crossing> found;
+  samples = with_touching_zeros(*this, samples);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
+    if (a.f == 0) found.push_back(crossing(a.x, 0));
+    if (!(a.f * b.f < 0)) continue;
+    const double at = find_root(*this, {a.x, a.f, b.x, b.f}, 1e-13);
+    if (std::isnan(at))
+      findings.notes.push_back("the slide under the load is lost near " + place_text(axes_, a.x, 0) + ": " +
+                               why_not_);
+    else
+      found.push_back(crossing(at, 0));
+  }
+  add_stops(least_at, found);
+  std::sort(found.begin(), found.end(), [](const Crossing& a, const Crossing& b) { return a.x < b.x; });
+  return found;
+}
+
+std::vector<Crossing> ForcedBoundary::curve(PetscInt count, BoundaryFindings& findings) {
+  constexpr int cells = 16;
+  const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
+  const Lattice lattice = sampled(f, cells);
+  findings.samples = {cells + 1, lattice.values};
+  LevelCurveSettings settings;
+  settings.step = 1. / 40;
+  settings.start = 1e-7;
+  const LevelCurve line = level_curve(f, lattice, settings);
+  std::vector<Crossing> result;
+  place_evenly(f, line.pieces, count,
+               [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
+                 if (!on.found) return;
+                 result.push_back(crossing(on.at.x, on.at.y));
+                 result.back().piece = int(piece);
+               });
+  note_stuck("the curve", "there (nothing slides without a stop beyond)", axes_, line.pieces, findings.notes);
+  return result;
+}
+
+}  // namespace stickslip

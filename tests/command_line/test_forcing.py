@@ -1,0 +1,190 @@
+"""Periodic forcing: cycles under a sine of the plate's velocity against SciPy's monodromy matrices, closed forms of
+the linear response, `run` from period to period; where sliding under it loses stability; what is refused."""
+import numpy as np
+import pytest
+
+from calls import check, data, refused, run
+from reference import Stick, System, options, read
+
+CHAIN = "-model_form chain "
+TIGHT = "-ts_rtol 1e-11 -ts_atol 1e-12 "
+
+
+def multipliers(found):
+    return np.array([m["re"] + 1j * m["im"] for m in found["multipliers"]])
+
+
+def near(known, found, tolerance):
+    assert len(known) == len(found)
+    for one in known:
+        assert np.abs(found - one).min() < tolerance * max(1, abs(one)), (one, found)
+
+
+def cycle(scene):
+    """The summary of a cycle and its state at phase 0."""
+    found, _ = run(scene + " -out_file c.h5", command="cycle")
+    return found, read(data("c.h5"), 0)
+
+
+def random_blocks(number):
+    """A short chain of unequal friction under a load, that slides or oscillates."""
+    r = np.random.default_rng(number)
+    n, period = int(r.integers(1, 5)), r.uniform(2, 9)
+    amplitudes = ",".join(f"{i}:{r.uniform(0.8, 1.2):.4f}" for i in range(n))
+    scene = (f"{CHAIN}-cycle_cell 0 -grid_n {n} -bc_left free -model_k0 {r.uniform(0.2, 0.8):.4f} -model_k1 {r.uniform(0.1, 0.6):.4f} "
+             f"-model_zeta {r.uniform(0.02, 0.2):.4f} -friction_amplitude_profile {amplitudes} ")
+    scene += [f"-model_v {r.uniform(1.2, 1.6):.4f} -init_psi 1.3 -init_eta 0 ",
+              f"-model_v {r.uniform(0.4, 0.8):.4f} -friction_law rate-and-state -friction_a 0.3 -friction_b 0.2 -friction_D 0.5 -init_psi 0.5 "
+              "-init_eta 0.5 ",
+              f"-model_v {r.uniform(1.2, 1.6):.4f} -friction_law stribeck -friction_stick regularised -friction_eps 0.2 -friction_viscous 0.6 "
+              "-init_psi 1.3 -init_eta 1 "][number % 3]
+    return scene + f"-load_sine_amplitude {r.uniform(0.1, 0.4):.4f} -load_sine_period {period:.6f} "
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_multipliers_of_random_blocks(tmp_path, monkeypatch, number):
+    monkeypatch.chdir(tmp_path)
+    scene = random_blocks(number)
+    found, start = cycle(scene)
+    system = System(scene)
+    end, matrix = system.carried(start, found["period"], rtol=1e-12, atol=1e-13)
+    assert np.abs(end - start).max() < 1e-8
+    near(multipliers(found), np.linalg.eigvals(matrix), 1e-6)
+    assert found["multiplier_error"] is None
+    assert abs(found["period"] - found["forcing_periods"] * options(scene)["load_sine_period"]) < 1e-9
+    assert found["stable"] == (np.abs(np.linalg.eigvals(matrix)).max() < 1)
+
+
+def test_the_linear_response(tmp_path, monkeypatch):
+    """Of a small sine: (A K0 - w^2 + i w A (B + F')) psi = A K0 a; what is left is of the second order."""
+    monkeypatch.chdir(tmp_path)
+    k0, zeta, v, period, small = 0.4, 0.3, 1.3, 5.0, 1e-4
+    found, start = cycle(f"{CHAIN}-grid_n 1 -bc_left free -model_k0 {k0} -model_zeta {zeta} -model_v {v} -init_psi 1.3 -init_eta 0 "
+                         f"-load_sine_amplitude {small} -load_sine_period {period}")
+    w = 2 * np.pi / period
+    answer = k0 * small / (k0 - w**2 + 1j * w * (zeta + v**2 - 1))  # of exp(i w t), whose imaginary part is the sine
+    assert abs(found["amplitude"] - abs(answer)) < 1e-3 * small
+    assert abs(start[0] - v - answer.imag) < 1e-3 * small and found["forcing_periods"] == 1
+    # both multipliers, without one that is 1: exp(lambda T) of the linear equation
+    roots = np.roots([1, zeta + v**2 - 1, k0])
+    near(multipliers(found), np.exp(roots * period), 1e-6)
+
+
+STICKS = (f"{CHAIN}-cycle_cell 0 -bc_left free -model_k0 1 -model_zeta 0.1 -model_v 0.1 -friction_law carlson-langer -friction_alpha 1 "
+          "-init_psi 0 -init_eta 0.3 ")
+
+
+@pytest.mark.parametrize("more", ("-grid_n 1 -load_sine_amplitude 0.08 -load_sine_period 7",
+                                  "-grid_n 1 -load_sine_amplitude 0.08 -load_sine_period 7 -friction_alpha 3",
+                                  "-grid_n 2 -load_sine_amplitude 0.1 -load_sine_period 5 -model_k1 0.3 -init_noise 0.1 "
+                                  "-friction_amplitude_profile 0:1,1:1.2"))
+def test_a_cycle_that_rests(tmp_path, monkeypatch, more):
+    """Against SciPy from change to change, with the deviations' jumps, and against the stroboscope of `run`."""
+    monkeypatch.chdir(tmp_path)
+    scene = STICKS.replace("-friction_alpha 1 " if "alpha" in more else "  ", "") + more
+    found, start = cycle(scene)
+    assert found["rest_fraction"] > 0.01 and found["residual"] < 1e-9
+    system = System(scene)
+    n, dof = system.n, 2
+    # deviations of a node at rest at phase 0 have no psi
+    stick = Stick(system, start, Y=np.eye(dof * n))
+    stick.advance(found["period"])
+    check(np.abs(stick.u - start).max() < 1e-8, f"SciPy ends {np.abs(stick.u - start).max()} off")
+    near(multipliers(found), np.linalg.eigvals(stick.Y), 1e-5)
+    np.savetxt("start.txt", np.column_stack([np.arange(n), *np.split(start, 2)]), fmt="%.17g")
+    run(f"{scene.replace('-init_psi 0 -init_eta 0.3', '').replace('-init_noise 0.1', '')} {TIGHT} -init_type text -init_file start.txt "
+        f"-ts_max_time {5 * found['period']!r} -out_file r.h5 -out_frames 2")
+    check(np.abs(read(data("r.h5"), -1) - start).max() < 1e-6, "the stroboscope of `run`, five cycles later")
+
+
+# sliding beside its boundary v = 1, shaken at twice its own frequency: the damping's sine opens a band of parametric resonance
+DOUBLING = f"{CHAIN}-model_k0 0.2 -model_v 1.05 -init_psi 1.05 -init_eta -0.66 -load_sine_period 7 "
+BOUNDARY = "-boundary_parameter load_sine_amplitude -boundary_from 0 -boundary_to 0.6 "
+
+
+def slide(system, period):
+    """The state at phase 0 and the matrix over a period of the slide under a load, by Newton's method from steady sliding."""
+    u, apart = system.steady, 1
+    while apart > 1e-11:
+        end, matrix = system.carried(u, period)
+        u, apart = u + np.linalg.solve(np.eye(len(u)) - matrix, end - u), np.abs(end - u).max()
+    return u, matrix
+
+
+def test_doubling(tmp_path, monkeypatch):
+    """Where a multiplier passes -1: by a branch of cycles, by `boundary`, and SciPy's matrix there; two periods beyond."""
+    monkeypatch.chdir(tmp_path)
+    one = DOUBLING + "-grid_n 1 -bc_left free "
+    branch, _ = run(one + "-load_sine_amplitude 0.1 -cycle_continue load_sine_amplitude -cycle_to 0.6", command="cycle")
+    flips = [s["value"] for s in branch["special"] if s["kind"] == "flip"]
+    bound, _ = run(one + "-load_sine_amplitude 0.1 " + BOUNDARY, command="boundary")
+    points = bound["points"]
+    assert [p["kind"] for p in points] == ["flip"] and len(flips) == 1 and abs(points[0]["value"] - flips[0]) < 1e-7
+    assert abs(points[0]["frequency"] - np.pi / 7) < 1e-6 and points[0]["of"] == "sliding"
+    _, matrix = slide(System(one + f"-load_sine_amplitude {flips[0]!r}"), 7)
+    assert np.abs(np.linalg.eigvals(matrix) + 1).min() < 1e-6
+    beyond, _ = run(one + f"-load_sine_amplitude {1.2 * flips[0]!r}", command="cycle")
+    before, _ = run(one + f"-load_sine_amplitude {0.8 * flips[0]!r}", command="cycle")
+    assert (before["forcing_periods"], beyond["forcing_periods"]) == (1, 2) and beyond["stable_alike"]
+
+
+def test_waves_on_the_slide(tmp_path, monkeypatch):
+    """On a ring the shortest way to a boundary is a wave of half the load's frequency: the whole ring's matrix has modulus 1 there."""
+    monkeypatch.chdir(tmp_path)
+    ring = DOUBLING.replace("-load_sine_period 7", "-load_sine_period 3.755") + "-model_k1 0.5 -grid_n 6 -load_sine_amplitude 0.1 "
+    found, _ = run(ring + BOUNDARY.replace("0.6", "3"), command="boundary")
+    first = found["points"][0]
+    assert first["kind"] == "flip" and abs(first["wavenumber"] - np.pi / 3) < 1e-12
+    scene = ring + f"-load_sine_amplitude {first['value']!r}"
+    _, one = cycle(scene)  # all nodes alike: of one node
+    end, matrix = System(scene).carried(np.repeat(one, 6), 3.755)
+    moduli = np.abs(np.linalg.eigvals(matrix))
+    assert np.abs(end - np.repeat(one, 6)).max() < 1e-8 and abs(moduli.max() - 1) < 1e-7
+    # the same ring as nodes that are not known to be alike
+    unlike, _ = run(ring + "-friction_amplitude_profile 0:1,1:1 " + BOUNDARY.replace("0.6", "3"), command="boundary")
+    assert abs(unlike["points"][0]["value"] - first["value"]) < 1e-7
+    # and in two options
+    curve, _ = run(ring + BOUNDARY.replace("0.6", "3") + "-boundary_parameter2 model_v -boundary_from2 1.02 -boundary_to2 1.1 "
+                   "-boundary_points 5", command="boundary")
+    for point in curve["points"]:
+        assert abs(modulus(ring, point["value"], point["value2"]) - 1) < 1e-6
+
+
+def modulus(ring, amplitude, v):
+    """The largest modulus of the multipliers of the ring's slide."""
+    scene = ring + f"-load_sine_amplitude {amplitude!r} -model_v {v!r}"
+    u, _ = slide(System(scene.replace("-grid_n 6", "-grid_n 1 -bc_left free")), 3.755)
+    return np.abs(np.linalg.eigvals(System(scene).carried(np.repeat(u, 6), 3.755)[1])).max()
+
+
+def test_a_slide_that_stops(tmp_path, monkeypatch):
+    """Coulomb friction and viscosity: the slide is a sine, and stops where its amplitude is v."""
+    monkeypatch.chdir(tmp_path)
+    k0, zeta, v, period = 0.5, 0.2, 0.3, 4.0
+    w = 2 * np.pi / period
+    exact = v * abs(k0 - w**2 + 1j * w * zeta) / k0
+    found, _ = run(f"{CHAIN}-grid_n 1 -bc_left free -friction_law coulomb -model_k0 {k0} -model_zeta {zeta} -model_v {v} "
+                   f"-load_sine_amplitude 0.1 -load_sine_period {period} -boundary_parameter load_sine_amplitude -boundary_from 0 "
+                   "-boundary_to 4", command="boundary")
+    assert [p["kind"] for p in found["points"]] == ["stop"] and abs(found["points"][0]["value"] - exact) < 1e-9
+    # below it the cycle never rests, and its branch ends there
+    branch, _ = run(f"{CHAIN}-grid_n 1 -bc_left free -friction_law coulomb -model_k0 {k0} -model_zeta {zeta} -model_v {v} -init_psi 0.3 "
+                    f"-init_eta 0.56 -load_sine_amplitude 0.5 -load_sine_period {period} -cycle_continue load_sine_amplitude -cycle_to 4",
+                    command="cycle")
+    assert branch["rest_fraction"] == 0 and branch["special"][-1]["kind"] == "graze"
+    assert abs(branch["special"][-1]["value"] - exact) < 1e-5
+
+
+def test_refusals():
+    sine = "-load_sine_amplitude 0.1 -load_sine_period 3 "
+    axis = "-boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 "
+    for command in ("cycle", "boundary"):
+        refused(axis + "-load_v 0:0.1,5:0.2", 2, "load_v", command, command=command)
+        refused(axis + "-load_sine_amplitude 0.1", 2, "load_sine_period", command=command)
+        refused(axis + sine + "-model_form chain -model_k0 0", 2, "model_k0", command=command)
+    for command in ("spectrum", "wave", "chart"):
+        refused("-wave_length 60 " + sine, 2, "load_sine_amplitude", command, command=command)
+    refused(axis + sine + "-boundary_of stick-slip", 2, "boundary_of", command="boundary")
+    refused(axis + sine + "-boundary_verify 1", 2, "boundary_verify", command="boundary")
+    refused(axis + sine + "-friction_amplitude_profile 0:1,30:2", 2, "unknowns", command="boundary")
+    refused(sine + "-friction_law coulomb -cycle_spectrum", 2, "cycle_spectrum", command="cycle")
