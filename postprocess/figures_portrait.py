@@ -37,7 +37,7 @@ def draw_nullclines(picture, axes, file, uniform=True):
     uniform state, else the line psi = v."""
     low, high = axes.get_xlim()
     axes.set(xlim=(low, high), ylim=axes.get_ylim())
-    if "friction" in file and "A" in file.attrs:
+    if "friction" in file and {"A", "B", "K0", "s_delta"} <= set(file.attrs):
         B, K0, s_delta, v = (float(file.attrs[k]) for k in ("B", "K0", "s_delta", "v"))
         psi, F = file["friction/psi"][...], file["friction/F"][...]
         inside = (psi >= low) & (psi <= high)

@@ -201,6 +201,9 @@ def scene_title(file, varied=()):
         value = known.get("model_" + name, "")
         if value == "":
             continue
+        if known.get(f"model_{name}_profile", "none") not in ("", "none"):
+            parts.append(f"{GREEK['model_' + name]} along x")
+            continue
         if name == "zeta" and value == "paper":
             value = "√(0.1 m k₁)"
             if not {"model_m", "model_k1"} & set(varied):

@@ -1,8 +1,8 @@
 """The equations of model.md in numpy and scipy, for tests: friction and state laws, the chain and the continuum, ends, loads,
 viscosity between neighbours, profiles, and exact stick from start to stop. Nothing here is shared with the program.
 
-A scene is a command line, or options by name (`friction_a`: a number, or an array with a value for each node). Unknowns stand
-kind behind kind, psi, eta and, with a state law, s: tau for healing, ln theta for the others. Axes before the last one are
+A scene is a command line, or options by name (`friction_a`: a number, or an array with a value for each node; `model_k1` and
+`model_c`: for each link behind a node). Unknowns stand kind behind kind, psi, eta and, with a state law, s: tau for healing, ln theta for the others. Axes before the last one are
 batches. Functions of one node are analytic where it does not pass rest: slopes come of complex steps.
 """
 import shlex
@@ -13,6 +13,8 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
+
+from differences import bloch, d2, linked  # noqa: F401: others take them from here
 
 DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "model_delta_sign": "derived", "model_c": 1,
             "model_m": 1, "model_k0": 0.2, "model_k1": 0.2, "model_f0": 1, "model_zeta": 0, "model_nu": 0, "model_drag": 0, "model_v": 0.2,
@@ -44,7 +46,8 @@ def options(words):
                 p[name[1:]] = value
     for name in [name for name in p if name.endswith("_profile")]:
         x, values = np.array([pair.split(":") for pair in p.pop(name).split(",")], float).T
-        p[name.removesuffix("_profile")] = np.interp(np.arange(p["grid_n"]), x, values)
+        name = name.removesuffix("_profile")
+        p[name] = np.interp(np.arange(p["grid_n"]) + (0.5 if name == "model_k1" else 0), x, values)
     return p
 
 
@@ -53,7 +56,8 @@ def words(p):
     text = []
     for name, value in p.items():
         if isinstance(value, np.ndarray):
-            name, value = name + "_profile", ",".join(f"{i}:{float(at)!r}" for i, at in enumerate(value))
+            first = 0.5 if name == "model_k1" else 0
+            name, value = name + "_profile", ",".join(f"{i + first}:{float(at)!r}" for i, at in enumerate(value))
         text += ["-" + name, str(value)]
     return text
 
@@ -221,39 +225,6 @@ class Law:
 
 # ---- the system ----
 
-def d2(n, h=1., order=2, left="periodic", right="periodic", form="continuum"):
-    """The second-difference matrix with its ends: even reflection at free ones (of the chain half a spacing beyond), and
-    beyond held ones of the continuum the polynomial through the nodes beside them."""
-    weights = {2: [-2, 1], 4: [-5 / 2, 4 / 3, -1 / 12], 6: [-49 / 18, 3 / 2, -3 / 20, 1 / 90],
-               8: [-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]}[order]
-    D = np.zeros((n, n))
-
-    def parts(j):  # a value beyond an end as a combination of nodes
-        if left == "periodic" or 0 <= j < n:
-            return [(j % n, 1)]
-        far, end, inside = (-j, left, lambda k: k) if j < 0 else (j - n + 1, right, lambda k: n - 1 - k)
-        if form == "chain":
-            return [(inside(far - 1), 1)]
-        if end == "free":
-            return [(inside(far), 1)]
-        nodes = np.arange(order)
-        return [(inside(k), np.prod([(-far - m) / (k - m) for m in nodes if m != k])) for k in nodes]
-    for i in range(n):
-        for j in range(-(order // 2), order // 2 + 1):
-            for at, part in parts(i + j):
-                D[i, at] += weights[abs(j)] * part
-    return D / h**2
-
-
-def bloch(n, twist):
-    """D2 of a cell of n blocks whose copy to the right is exp(i twist) times as large."""
-    D = -2 * np.eye(n) + 0j
-    for i in range(n):
-        D[i, (i + 1) % n] += np.exp(1j * twist) if i == n - 1 else 1
-        D[i, i - 1] += np.exp(-1j * twist) if i == 0 else 1
-    return D
-
-
 class System:
     """A scene's equations. `amplitude` of friction: of each node, where it is spread."""
 
@@ -267,15 +238,17 @@ class System:
                             for end, other in (("left", "right"), ("right", "left"))]
         if chain:
             f0, order, self.h = p["model_f0"], 2, 1.
-            zeta = np.sqrt(0.1 * p["model_m"] * p["model_k1"]) if p["model_zeta"] == "paper" else p["model_zeta"]
+            zeta = np.sqrt(0.1 * p["model_m"] * p["model_k1"]) if isinstance(p["model_zeta"], str) else p["model_zeta"]
             self.B, self.K0, self.K1, self.N = (x / f0 for x in (zeta, p["model_k0"], p["model_k1"], p["model_nu"]))
-            self.A, self.sd = f0 / p["model_m"] if p["model_m"] else np.inf, 0.
+            self.A, self.sd = f0 / p["model_m"] if np.all(p["model_m"]) else np.inf, 0.
         else:
             gamma, order, self.B = p["model_gamma"], p["grid_order"], 0.
             self.A, self.K0, self.K1, self.N = gamma, 1 / gamma, p["model_c"]**2 / gamma, p["model_nu"] / gamma
             self.sd = p["model_delta"] * (1 if p["model_delta_sign"] == "derived" else -1)
             self.h = p["grid_length"] / (n if ends[0] == "periodic" else n - 1)
         self.D = d2(n, self.h, order, *ends, p["model_form"])
+        if np.ndim(self.K1):  # unequal links, which stand in the matrix
+            self.D, self.K1 = linked(self.K1 / self.h**2, n, ends, p["model_form"]), 1.
         self.held = {node: p.get(f"bc_{end}_value", p["model_v"]) for node, kind, end in
                      ((0, ends[0], "left"), (n - 1, ends[1], "right")) if kind == "velocity"}
         self.free = np.array([i for i in range(n) if i not in self.held])
@@ -336,7 +309,7 @@ class System:
             psi[node] = value
         rest = self.K1 * self.D @ (psi - v)
         if np.any(rest):
-            psi[free] += np.linalg.solve((self.K0 * np.eye(self.n) - self.K1 * self.D)[np.ix_(free, free)], rest[free])
+            psi[free] += np.linalg.solve((np.eye(self.n) * self.K0 - self.K1 * self.D)[np.ix_(free, free)], rest[free])
         return psi
 
     def at(self, psi):

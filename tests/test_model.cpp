@@ -10,6 +10,38 @@ using namespace stickslip;
 
 namespace {
 
+// Gives the scene a medium that differs along x, in everything that its form and order allow.
+void vary(Scene& s) {
+  const auto differ = [&](const char* name, double low, double high) {
+    s.medium.profiles[name] = ProfileAlongX({{0.1, low}, {s.length / 3, high}, {s.length / 2, low}},
+                                            Between::linear, s.ring() ? s.length : 0);
+  };
+  if (s.form == Form::continuum) {
+    differ("model_delta", 0.1, 0.4);
+    if (s.order == 2) differ("model_c", 0.5, 1.7);
+    return;
+  }
+  differ("model_m", 0.6, 2);
+  differ("model_k0", 0.1, 0.7);
+  differ("model_k1", 0.3, 1.4);
+  differ("model_zeta", 0.1, 0.5);
+}
+
+// The force of neighbours on a node, by the links to them; `all`: the unknowns of all nodes.
+double elastic(const Scene& s, PetscInt node, const double* all, int dof) {
+  double sum = 0;
+  for (const PetscInt side : {-1, 1}) {
+    PetscInt other = node + side;
+    if (s.ring()) other = (other + s.n) % s.n;
+    if (other < 0 || other >= s.n) {
+      if (s.form == Form::chain) continue;
+      other = node - side;  // even reflection
+    }
+    sum += s.link(side < 0 ? node - 1 : node) * (all[other * dof] - all[node * dof]);
+  }
+  return sum;
+}
+
 // Every kind of scene that the loops treat differently.
 std::vector<Scene> scenes() {
   std::vector<Scene> all;
@@ -61,6 +93,10 @@ std::vector<Scene> scenes() {
     all.push_back(all[i]);
     all.back().nu = 0.4;
     if (i % 7 == 0) all.back().c = all.back().k1 = 0;
+  }
+  for (std::size_t i = 0; i < without; ++i) {
+    all.push_back(all[i]);
+    vary(all.back());
   }
   return all;
 }
@@ -114,16 +150,18 @@ TEST_CASE("the right-hand side is the equations, node by node") {
         d2 += weight * all[j * dof];
         size += std::abs(weight * all[j * dof]);
       }
+      const NodeCoefficients c = s.coefficients(node);
       const double e = eta + s.N() * d2;
-      double psi_t = s.A() * (e - s.B() * psi - F);
-      double eta_t = s.K0() * (s.v - psi) + s.K1() * d2 - s.s_delta() * (e - F);
+      double psi_t = c.A * (e - c.B * psi - F);
+      const double pull = s.medium.links_differ() ? elastic(s, node, all, dof) : s.K1() * d2;
+      double eta_t = c.K0 * (s.v - psi) + pull - c.s_delta * (e - F);
       if (model.held(node)) {
         psi_t = 0;
         if (s.form == Form::continuum) eta_t = 0;
       }
-      CHECK(mine[i * dof] == Approx(psi_t).margin(1e-14 * (1 + s.A() * (1 + s.N() * size))));
+      CHECK(mine[i * dof] == Approx(psi_t).margin(1e-14 * (1 + c.A * (1 + s.N() * size))));
       CHECK(mine[i * dof + 1] ==
-            Approx(eta_t).margin(1e-14 * (1 + (s.K1() + std::abs(s.s_delta()) * s.N()) * size)));
+            Approx(eta_t).margin(1e-14 * (1 + (2 * s.mean_K1() + std::abs(c.s_delta) * s.N()) * size)));
       if (dof == 3) CHECK(mine[i * dof + 2] == Approx(model.state_rate(psi, state).g).margin(1e-14));
     }
     SS_TRY(VecRestoreArrayRead(f, &mine));
@@ -216,6 +254,54 @@ TEST_CASE("Jacobians agree with differences of the right-hand side") {
       CHECK(distance(plus, product) < 1e-7 * (1 + norm(product)));
     }
   }
+}
+
+TEST_CASE("links of a medium: springs half-way, c^2 half-way or its harmonic mean where c jumps",
+          "[serial]") {
+  Scene s;
+  s.left = s.right = End::free;
+  s.order = 2;
+  s.n = 5;
+  s.length = 8;  // h = 2
+  s.gamma = 2;
+  s.medium.profiles["model_c"] = ProfileAlongX({{0, 1}, {3, 1}, {3, 2}, {8, 2}}, Between::linear);
+  CHECK(s.medium.links_differ());
+  CHECK_FALSE(s.medium.nodes_differ());
+  CHECK(s.link(0) == Approx(1. / 2 / 4));
+  CHECK(s.link(1) == Approx(1 / (0.5 / 1 + 0.5 / 4) / 2 / 4));  // the jump stands in the middle
+  CHECK(s.link(2) == Approx(4. / 2 / 4));
+  s.medium.profiles["model_c"] = ProfileAlongX({{0, 1}, {2.5, 1}, {2.5, 2}, {8, 2}}, Between::linear);
+  CHECK(s.link(1) == Approx(1 / (0.25 / 1 + 0.75 / 4) / 2 / 4));
+  s.medium.profiles["model_c"] = ProfileAlongX({{0, 1}, {2, 1}, {2, 2}, {8, 2}}, Between::linear);
+  CHECK(s.link(0) == Approx(1. / 2 / 4));  // on a node: each side its own
+  CHECK(s.link(1) == Approx(4. / 2 / 4));
+  s.medium.profiles["model_c"] = ProfileAlongX({{0, 1}, {8, 3}}, Between::linear);
+  CHECK(s.link(1) == Approx(1.75 * 1.75 / 2 / 4));
+  CHECK_THROWS_AS(s.K1(), std::logic_error);
+  CHECK(s.A() == 2);
+  CHECK_NOTHROW(s.averaged().K1());
+  // a ring, with the jump where it closes
+  s.left = s.right = End::periodic;
+  s.length = 10;
+  s.medium.profiles["model_c"] = ProfileAlongX({{0.5, 1}, {9.5, 3}}, Between::step, 10);
+  CHECK(s.link(4) == Approx(1 / (0.75 / 1 + 0.25 / 9) / 2 / 4));
+  CHECK(s.link(0) == Approx(1 / (0.25 / 9 + 0.75 / 1) / 2 / 4));
+  CHECK(s.link(-1) == s.link(4));
+
+  Scene chain;
+  chain.form = Form::chain;
+  chain.left = chain.right = End::free;
+  chain.order = 2;
+  chain.n = 3;
+  chain.length = 2;
+  chain.f0 = 2;
+  chain.medium.profiles["model_k1"] = ProfileAlongX({{0.5, 1}, {1.5, 3}}, Between::linear);
+  chain.medium.profiles["model_m"] = ProfileAlongX({{0, 1}, {2, 5}}, Between::linear);
+  CHECK(chain.link(0) == Approx(0.5));
+  CHECK(chain.link(1) == Approx(1.5));
+  CHECK(chain.coefficients(1).A == Approx(2. / 3));
+  CHECK_THROWS_AS(chain.A(), std::logic_error);
+  CHECK(chain.K0() == Approx(0.1));
 }
 
 TEST_CASE("second differences are exact on polynomials and reach their order", "[serial]") {

@@ -39,6 +39,15 @@ TEST_CASE("a profile on a ring goes on at its beginning", "[profile]") {
   CHECK(steps.at(5) == 1);
 }
 
+TEST_CASE("where a profile jumps, and between which values it stays", "[profile]") {
+  const std::vector<std::pair<double, double>> points = {{1, 2}, {3, 6}, {3, 1}, {5, 1}, {7, 4}};
+  CHECK(ProfileAlongX(points, Between::linear).jumps() == std::vector<double>{3});
+  CHECK(ProfileAlongX(points, Between::step).jumps() == std::vector<double>{3, 3, 7});
+  CHECK(ProfileAlongX(points, Between::step, 10).jumps() == std::vector<double>{1, 3, 3, 7});
+  CHECK(ProfileAlongX(points, Between::smooth).range() == std::pair(1., 6.));
+  CHECK(ProfileAlongX({{1, 2}}, Between::step, 10).jumps().empty());
+}
+
 TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
   CHECK_FALSE(Load(0.3, {}, 0, 1).varies());
   std::mt19937 random(7);

@@ -21,7 +21,9 @@ constexpr int wavenumbers_of_branch = 50;
 
 bool has_neighbours(const Options& options) { return options.integer("cycle_cell") > 0; }
 
-bool alone(const Options& options, const Scene& cell) { return !has_neighbours(options) || !(cell.K1() > 0); }
+bool alone(const Options& options, const Scene& cell) {
+  return !has_neighbours(options) || !(cell.mean_K1() > 0);
+}
 
 bool one_node(const Scene& cell) { return cell.n == 1; }
 
@@ -118,8 +120,7 @@ Scene cell_of_options(const Options& options) {
   if (cell == 0) return scene;
   const std::string which = "cycle_cell " + std::to_string(cell) + ": ";
   if (scene.has_profile())
-    throw UsageError(which +
-                     "with a profile of friction no cell repeats; cycle_cell 0 takes the whole scene");
+    throw UsageError(which + "with a profile along x no cell repeats; cycle_cell 0 takes the whole scene");
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   if (std::any_of(amplitude.begin(), amplitude.end(), [](double a) { return a != 1; }))
     throw UsageError(
@@ -174,7 +175,7 @@ void check_cycle_options(const Options& options, const Scene& cell) {
     throw UsageError(
         "cycle_spectrum: under a load waves are looked at with smooth friction (friction_stick regularised); "
         "with exact stick take the whole scene (cycle_cell 0)");
-  if (!(cell.K0() > 0))
+  if (!(cell.averaged().K0() > 0))
     throw UsageError("model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
 }
 

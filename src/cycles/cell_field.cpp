@@ -34,7 +34,7 @@ NodeBlock slope_in_d2(const LinearPoint& point) {
 
 CellField::CellField(const Scene& scene, int periods)
     : scene_(scene), friction_(smooth_friction(scene, periods > 0)),
-      coefficients_(kernel::coefficients_of(scene)), no_friction_(scene), by_d2_(slope_in_d2(no_friction_)),
+      coefficients_(kernel::coefficients_of(scene)), no_friction_(scene, 0), by_d2_(slope_in_d2(no_friction_)),
       dof_(scene.friction.has_state() ? 3 : 2), periods_(periods), sliding_(!scene.friction.sticks() ? 0
                                                                             : scene.v < 0            ? -1
                                                                                                      : 1) {
@@ -50,6 +50,7 @@ CellField::CellField(const Scene& scene, int periods)
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   for (const PetscInt node : node_) {
     amplitude_.push_back(amplitude[node]);
+    if (scene.medium.nodes_differ()) own_.push_back(scene.coefficients(node));
     couple(node);
   }
 }
@@ -74,7 +75,7 @@ void CellField::couple(PetscInt node) {
   if (scene_.ring()) {
     for (const auto& [there, weight, turns] : turned_row(scene_, node)) add(there, weight, turns);
   } else {
-    for (const auto& [there, weight] : second_difference_row(scene_, node)) add(there, weight, 0);
+    for (const auto& [there, weight] : row_over_mean(scene_, node)) add(there, weight, 0);
   }
   row_.push_back(std::move(row));
   held_.push_back(held);
@@ -101,8 +102,6 @@ void CellField::rates_at(double phase, const double* y, double* f) const {
 }
 
 void CellField::rates_under(double v, const double* y, double* f) const {
-  kernel::Coefficients coefficients = coefficients_;
-  coefficients.v = v;
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double* at = y + k * std::size_t(dof_);
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
@@ -111,7 +110,9 @@ void CellField::rates_under(double v, const double* y, double* f) const {
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
     const double force =
         amplitude_[k] * (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
-    const kernel::NodeRates rates = kernel::node_rates(coefficients, psi, at[1], force, 0, 1);
+    kernel::Coefficients own = coefficients(k);
+    own.v = v;
+    const kernel::NodeRates rates = kernel::node_rates(own, psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
     out[0] = rates.psi + by_d2_.psi_psi * d2;
     out[1] = rates.eta + by_d2_.eta_psi * d2;
@@ -119,11 +120,20 @@ void CellField::rates_under(double v, const double* y, double* f) const {
   }
 }
 
+// Of a node without neighbours.
+kernel::Coefficients CellField::coefficients(std::size_t k) const {
+  if (own_.empty()) return coefficients_;
+  return {own_[k].A, own_[k].B, own_[k].K0, coefficients_.v, own_[k].s_delta, {}};
+}
+LinearPoint CellField::without_friction(std::size_t k) const {
+  return own_.empty() ? no_friction_ : LinearPoint(scene_, own_[k]);
+}
+
 LinearPoint CellField::point(const double* y, std::size_t k) const {
   const double* at = y + k * std::size_t(dof_);
   const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
   const Partials F = friction_at(k, psi, state);
-  LinearPoint p = no_friction_;
+  LinearPoint p = without_friction(k);
   p.set({a * F.F, a * F.F_psi, a * F.F_state}, rate_at(k, psi, state));
   return p;
 }
@@ -151,7 +161,8 @@ void CellField::safeguard_step(const double* y, double h, double* dy) const {
     const double* at = y + k * std::size_t(dof_);
     double* step = dy + k * std::size_t(dof_);
     const double state = dof_ == 3 ? at[2] : 0, new_state = dof_ == 3 ? at[2] + step[2] : 0;
-    const double mass = (no_friction_.B + 1 / (no_friction_.A * h)) / amplitude_[k];
+    const LinearPoint own = without_friction(k);
+    const double mass = (own.B + 1 / (own.A * h)) / amplitude_[k];
     step[0] = friction(k).newton_psi(at[0], state, at[0] + step[0], new_state, mass) - at[0];
   }
 }
@@ -194,7 +205,7 @@ std::vector<double> CellField::sliding() const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double state = dof_ == 3 ? friction(k).steady_state(scene_.v) : 0;
     y.push_back(scene_.v);
-    y.push_back(scene_.B() * scene_.v + amplitude_[k] * friction_at(k, scene_.v, state).F);
+    y.push_back(without_friction(k).B * scene_.v + amplitude_[k] * friction_at(k, scene_.v, state).F);
     if (dof_ == 3) y.push_back(state);
   }
   return y;

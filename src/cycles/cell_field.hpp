@@ -53,7 +53,7 @@ class CellField : public VectorField {
  private:
   struct Term {
     std::size_t column;  // place among the unknown nodes
-    double weight;       // of D2
+    double weight;       // of D2; of unequal links over the mean K1 (model/turned_row.hpp)
     int turns;           // the neighbour stands in the next (+1) or the last (-1) copy of the cell
   };
   struct Held {
@@ -64,6 +64,8 @@ class CellField : public VectorField {
   RatePartials rate_at(std::size_t k, double psi, double state) const;
   void rates_under(double v, const double* y, double* f) const;
   LinearPoint point(const double* y, std::size_t k) const;
+  LinearPoint without_friction(std::size_t k) const;
+  kernel::Coefficients coefficients(std::size_t k) const;
   bool at_an_end(std::size_t k) const;
   void couple(PetscInt node);
 
@@ -71,7 +73,8 @@ class CellField : public VectorField {
   Frictions friction_;  // of every node of the scene
   kernel::Coefficients coefficients_;
   LinearPoint no_friction_;
-  NodeBlock by_d2_;  // what a change of D2 psi does to the rates: psi_psi and eta_psi
+  std::vector<NodeCoefficients> own_;  // of the unknown nodes, where they differ
+  NodeBlock by_d2_;                    // what a change of D2 psi does to the rates: psi_psi and eta_psi
   int dof_, periods_, reach_ = 0;
   double sliding_;  // the direction of friction that sticks, 0 for other
   std::vector<PetscInt> node_;

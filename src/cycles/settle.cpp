@@ -18,6 +18,7 @@
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -120,7 +121,7 @@ class Settling {
   SmoothCycle cycle(int turns);
 
  private:
-  double turn() const { return 2 * M_PI / std::sqrt(cell_.A() * cell_.K0()); }
+  double turn() const { return 2 * M_PI / own_frequency(cell_); }
   void choose_section();
   double above(double psi) const { return cell_.v < 0 ? level_ - psi : psi - level_; }
   bool forced() const { return field_.periods() > 0; }

@@ -27,9 +27,9 @@ constexpr double near_sliding = 0.05;
 class OrbitSearch {
  public:
   OrbitSearch(const StickMotion& motion, int patience)
-      : m_(motion), patience_(patience),
-        turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
-    const Scene& s = motion.scene();
+      : m_(motion), patience_(patience), mean_(motion.scene().averaged()),
+        turn_(2 * M_PI / std::sqrt(mean_.A() * mean_.K0())) {
+    const Scene& s = mean_;
     if (!std::isfinite(turn_)) turn_ = 2 * M_PI / std::sqrt(s.A() * s.K1());
     escape_ = escape_velocity(s);
     turn_ += (s.B() + std::abs(s.s_delta()) / s.A()) / s.K0();
@@ -85,7 +85,7 @@ class OrbitSearch {
     const double side = s.v < 0 ? -1 : 1;
     const std::shared_ptr<const Friction> law = Friction::of(s.friction);
     const double state = m_.dof() == 3 ? law->steady_state(s.v) : 0;
-    return LinearPoint(s, law->sliding_partials(s.v, state, side), law->sliding_rate(s.v, state, side))
+    return LinearPoint(mean_, law->sliding_partials(s.v, state, side), law->sliding_rate(s.v, state, side))
         .stable(0);
   }
   // One node that turns nearer and nearer to sliding that is stable.
@@ -100,7 +100,7 @@ class OrbitSearch {
     for (int i = 0; i < m_.nodes() && std::isfinite(escape_); ++i) {
       const double* u = &p.u[i * m_.dof()];
       const double force = std::max(0., std::abs(u[1]) - 4 * m_.threshold(i, p.u.data()));
-      most = std::max(most, std::hypot(u[0], force * std::sqrt(m_.scene().A() / m_.scene().K0())));
+      most = std::max(most, std::hypot(u[0], force * std::sqrt(mean_.A() / mean_.K0())));
     }
     return most;
   }
@@ -179,8 +179,9 @@ class OrbitSearch {
 
   const StickMotion& m_;
   const int patience_;
-  double turn_;    // about the time of one
-  double escape_;  // see model/escape.hpp
+  const Scene mean_;  // with the mean coefficients, for estimates
+  double turn_;       // about the time of one
+  double escape_;     // see model/escape.hpp
   int quiet_ = 0, turns_ = 0, releases_ = 0;
   double first_ = 0, now_ = 0, last_ = 0;  // psi at turns without a stop, since the last change
   std::map<std::pair<int, double>, std::deque<std::vector<double>>> seen_;

@@ -37,8 +37,9 @@ LowRankCoupling StickDeviations::feed(const std::vector<double>& direction) cons
   for (const size_t i : at_ends_) {
     const bool slides = direction[i] != 0;
     std::vector<double> into(motion_.size());
-    into[i * dof] = slides ? s.A() * s.N() : 0;
-    into[i * dof + 1] = s.K1() - (slides ? s.s_delta() * s.N() : 0);
+    const NodeCoefficients c = s.coefficients(PetscInt(i));
+    into[i * dof] = slides ? c.A * s.N() : 0;
+    into[i * dof + 1] = s.mean_K1() - (slides ? c.s_delta * s.N() : 0);
     feed.into.push_back(std::move(into));
     feed.of.push_back(i * dof);
   }

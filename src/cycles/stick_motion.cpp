@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "model/release.hpp"
+#include "model/turned_row.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
@@ -24,6 +25,12 @@ constexpr double close = 1e-12;
 constexpr double longest_step =
     1.2;  // in units of one over the highest frequency: no change comes and goes twice within it
 
+double fastest(const Scene& s) {
+  if (s.medium.varies()) return wave_frequency(s);
+  const double kappa2 = s.n > 1 ? largest_symbol(s.order, s.spacing()) : 0;
+  return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
+}
+
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 }  // namespace
@@ -32,21 +39,23 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
-      point_(scene), method_(size()), method_with_deviations_(0) {
+      point_(scene, 0), own_(coefficients_along(scene, 0, scene.n)), method_(size()),
+      method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
   const FrictionPlaces places = friction_places(scene, 0, scene.n);
   const bool viscous = scene.nu > 0 && nodes_ > 1;
+  RangeLoop stencil;
+  if (scene.medium.varies() && half_width_ > 0)
+    stencil = medium_stencil(dof_, wave_loop(dof_, half_width_, true), links_along(scene, 0, scene.n));
   loop_ = viscous ? Viscosity(scene, dof_).around(whole_loop(scene.friction, 0, true, places))
-                  : whole_loop(scene.friction, half_width_, true, places);
+                  : whole_loop(scene.friction, half_width_, true, places, stencil);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
-  for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));
-  const double kappa2 =
-      nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
-  longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + scene.K1() * kappa2));
+  for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(row_over_mean(scene, i));
+  longest_ = longest_step / fastest(scene);
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
   if (forced()) longest_ = std::min(longest_, longest_step * scene.load.smooth_time() / M_PI);
 }
@@ -89,7 +98,7 @@ void StickMotion::blocks(const std::vector<double>& direction, const double* u,
   for (int i = 0; i < nodes_; ++i) {
     const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[i];
     const double a = amplitude_[i];
-    LinearPoint point(point_);
+    LinearPoint point = own_.empty() ? point_ : LinearPoint(scene_, own_[std::size_t(i)]);
     const Partials p = going == 0 ? Partials{0, 0, 0} : law_[i].sliding_partials(psi, s, going);
     point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_[i].sliding_rate(psi, s, going));
     NodeBlock& block = at[i];

@@ -155,6 +155,7 @@ class StickMotion {
   kernel::Coefficients coefficients_;
   RangeLoop loop_;
   LinearPoint point_;
+  std::vector<NodeCoefficients> own_;  // of the nodes, where they differ
   std::vector<Combination> halo_, d2_;
   mutable Extrapolation method_, method_with_deviations_;
 };

@@ -91,8 +91,8 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
   for (int i = 0; i < m.nodes(); ++i)
     if (p.direction[i] == 0) rests_since[i] = 0;
   // of a slip
-  const double patience =
-      400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));
+  const Scene mean = m.scene().averaged();
+  const double patience = 400 * 2 * M_PI / std::sqrt(mean.A() * (mean.K0() + 1e-3 * mean.K1()));
   const long most = std::min(most_steps, m.most_steps(p.count));
   int released = 0;
   std::vector<double> was(p.direction);

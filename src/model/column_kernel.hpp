@@ -12,6 +12,18 @@ struct ColumnRange {
   const double* psi;
   double* f_eta;
   PetscInt count;
+  PetscInt node = 0;  // number of the first node, for links that differ
+};
+
+// The same where links differ (medium.hpp): links[k] stands before the node of number k.
+struct StencilOfLinks {
+  std::shared_ptr<const std::vector<double>> links;
+
+  void operator()(const Coefficients&, const ColumnRange& s) const {
+    const double* const link = links->data() + s.node;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < s.count; ++i) s.f_eta[i] = link_sum(link + i, s.psi + i);
+  }
 };
 
 template <int half_width>
@@ -62,18 +74,22 @@ struct PointwiseOfColumns {
                                    direction_at<sticking>(k.direction, i))
           .F;
     };
+    const auto own = [law, k](const Coefficients& same, PetscInt i) -> decltype(auto) {
+      return coefficients_at(friction_of(law, k.node + i), same);
+    };
     if (k.amplitude)
-      motion(c, k, [force, k](PetscInt i) { return force(i) * k.amplitude[i]; });
+      motion(
+          c, k, [force, k](PetscInt i) { return force(i) * k.amplitude[i]; }, own);
     else
-      motion(c, k, force);
+      motion(c, k, force, own);
   }
   // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
-  template <class Force>
-  static void motion(Coefficients c, Columns k, Force force) {
+  template <class Force, class Own>
+  static void motion(Coefficients c, Columns k, Force force, Own own) {
 #pragma GCC ivdep
     for (PetscInt i = 0; i < k.count; ++i) {
       const NodeRates rates =
-          node_rates(c, k.psi[i], k.eta[i], force(i), k.f_eta[i], moving<sticking>(k.direction, i));
+          node_rates(own(c, i), k.psi[i], k.eta[i], force(i), k.f_eta[i], moving<sticking>(k.direction, i));
       k.f_psi[i] = rates.psi;
       k.f_eta[i] = rates.eta;
     }
@@ -88,7 +104,9 @@ struct PointwiseOfColumns {
       alignas(64) double force[tile_size];
       looked_up_force<sticking>(friction, part.psi, part.state, part.direction, part.amplitude, part.count,
                                 force);
-      motion(c, part, [&](PetscInt i) { return force[i]; });
+      motion(
+          c, part, [&](PetscInt i) { return force[i]; },
+          [](const Coefficients& same, PetscInt) -> const Coefficients& { return same; });
     }
   }
 };

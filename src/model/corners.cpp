@@ -27,7 +27,9 @@ std::pair<int, int> leaves_and_comes(const ProfileAlongX& profile, const Point& 
                                       : std::make_pair(third_derivative, third_derivative);
 }
 
-void add_corners(const ProfileAlongX& profile, const Scene& scene, std::map<double, int>& corners) {
+// Of no lower order than `least`.
+void add_corners(const ProfileAlongX& profile, const Scene& scene, std::map<double, int>& corners,
+                 int least = jump) {
   const std::vector<Point>& points = profile.points();
   const double length = scene.ring() ? scene.length : 0, near = 1e-12 * scene.length;
   const auto add = [&](double x, int order) {
@@ -44,8 +46,8 @@ void add_corners(const ProfileAlongX& profile, const Scene& scene, std::map<doub
     Point high = points[(i + 1) % points.size()];
     if (i + 1 == points.size()) high.first += length;
     const auto [leaves, comes] = leaves_and_comes(profile, points[i], high, length);
-    add(points[i].first, leaves);
-    add(high.first, comes);
+    add(points[i].first, std::max(leaves, least));
+    add(high.first, std::max(comes, least));
   }
 }
 
@@ -55,6 +57,9 @@ std::vector<Corner> corners_of(const Scene& scene) {
   std::map<double, int> found;
   add_corners(scene.amplitude, scene, found);
   for (const auto& [name, profile] : scene.friction.profiles) add_corners(profile, scene, found);
+  // at a jump of c flux and psi are continuous, and so they are in the differences (medium.hpp)
+  for (const auto& [name, profile] : scene.medium.profiles)
+    add_corners(profile, scene, found, name == "model_c" ? bend : jump);
   std::vector<Corner> corners;
   for (const auto& [x, order] : found) corners.push_back({x, order});
   return corners;

@@ -193,14 +193,16 @@ LawTable<typename Family::Make>& listed() {
   return table;
 }
 
-// The loop of any friction whose nodes are given (AnyFriction).
+// The loop of any friction (AnyFriction) with what acts at each of the places.
 template <class Function, template <class, bool> class Loop, class... Rest>
-Function loop_of_any(const std::vector<std::shared_ptr<const Friction>>& nodes, bool smoothed, bool sticking,
+Function loop_of_any(const FrictionParameters& p, const FrictionPlaces& places, bool sticking,
                      const Rest&... rest) {
+  const auto nodes = Friction::along(p, places);
+  const bool smoothed = p.regularised;
   const auto loop = [&](auto friction, auto constant) -> Function {
     using Any = decltype(friction);
     std::vector<Any> own;
-    for (const auto& node : nodes) own.push_back({node});
+    for (std::size_t i = 0; i < nodes.size(); ++i) own.push_back({nodes[i], places[i].medium});
     return kernel::Baseline<Loop<kernel::Varying<Any>, decltype(constant)::value>>{
         {{std::make_shared<const std::vector<Any>>(std::move(own))}, rest...}};
   };
@@ -246,8 +248,8 @@ struct LoopFamily {
   // For these parameters.
   static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
                      const Rest&... rest) {
-    if (!places.empty() && !p.terms.none())
-      return loop_of_any<Function, Loop>(Friction::along(p, places), p.regularised, sticking, rest...);
+    if (!places.empty() && (!p.terms.none() || places.front().medium))
+      return loop_of_any<Function, Loop>(p, places, sticking, rest...);
     return table().of(p)(p, sticking, places, rest...);
   }
 };

@@ -9,7 +9,9 @@
 
 namespace stickslip {
 
-double escape_velocity(const Scene& s) {
+// Of unequal nodes that of mean ones.
+double escape_velocity(const Scene& scene) {
+  const Scene s = scene.averaged();
   constexpr double never = std::numeric_limits<double>::infinity();
   constexpr int doublings = 200, beyond = 20;
   if (s.massless()) return never;

@@ -144,14 +144,26 @@ struct SolveStage {
   // Of r's coefficients those of a node that moves.
   struct Shared {
     double a, q, load;
+    const Coefficients* c;
   };
   static Shared shared(const Coefficients& c, const Stage& t) {
     const double q = t.h * c.A / (1 + t.h * c.s_delta);
-    return {1 + t.h * c.A * c.B + q * t.h * c.K0, q, t.h * c.K0 * c.v};
+    return {1 + t.h * c.A * c.B + q * t.h * c.K0, q, t.h * c.K0 * c.v, &c};
+  }
+  // The same of node i, whose coefficients may be its own.
+  Shared at_node(const Shared& same, const Stage& t, PetscInt i) const {
+    if constexpr (knows_medium<F>) {
+      const Coefficients own = coefficients_at(friction_of(friction, t.node + i), *same.c);
+      const Shared k = shared(own, t);
+      return {k.a, k.q, k.load, same.c};
+    } else {
+      return same;
+    }
   }
 
-  auto equation(const Shared& k, const Stage& t, PetscInt i) const {
+  auto equation(const Shared& same, const Stage& t, PetscInt i) const {
     const auto& own = friction_of(friction, t.node + i);
+    const Shared k = at_node(same, t, i);
     const bool moves = !t.held && (!sticking || t.direction[i] != 0);
     const double amplitude = t.amplitude ? t.amplitude[i] : 1, direction = sticking ? t.direction[i] : 0;
     const double q = moves ? k.q : 0;
@@ -188,8 +200,10 @@ struct SolveStage {
   struct StageColumns {
     alignas(64) double a[tile_size], q[tile_size], R[tile_size];
   };
-  void set_out(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, StageColumns& columns) const {
+  void set_out(const Shared& same, const Stage& t, PetscInt begin, PetscInt count,
+               StageColumns& columns) const {
     for (PetscInt i = 0; i < count; ++i) {
+      const Shared k = at_node(same, t, begin + i);
       const double moves = t.held ? 0 : moving<sticking>(t.direction, begin + i), q = moves * k.q;
       columns.q[i] = q;
       columns.a[i] = 1 + moves * (k.a - 1);
@@ -310,14 +324,17 @@ struct SolveStage {
   }
 
   void finish(const Coefficients& c, const Stage& t) const {
-    const double per_h = 1 / t.h, per_A = 1 / c.A;
+    const double per_h = 1 / t.h, same_per_A = 1 / c.A;
+    const F law = friction;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
+      const auto& own = coefficients_at(friction_of(law, t.node + i), c);
       const double slope = (t.psi[i] - t.z_psi[i]) * per_h;
-      double excess = slope * per_A + c.B * t.psi[i];  // eta - F, as psi's own equation has it
+      const double per_A = knows_medium<F> ? 1 / own.A : same_per_A;
+      double excess = slope * per_A + own.B * t.psi[i];  // eta - F, as psi's own equation has it
       if constexpr (sticking) excess *= t.direction[i] * t.direction[i];
       t.g_psi[i] = slope;
-      const double eta_slope = c.K0 * (c.v - t.psi[i]) - c.s_delta * excess;
+      const double eta_slope = own.K0 * (own.v - t.psi[i]) - own.s_delta * excess;
       t.g_eta[i] = eta_slope;
       t.eta[i] = t.z_eta[i] + t.h * eta_slope;
       if constexpr (F::has_state) t.g_state[i] = (t.state[i] - t.z_state[i]) * per_h;

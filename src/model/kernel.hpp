@@ -18,79 +18,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "stickslip/model/friction.hpp"
-#include "stickslip/model/stencil.hpp"
+#include "model/node_parameters.hpp"
 
 namespace stickslip::kernel {
-
-// The coefficients of a scene, ready for the loop: w[j] = K1 w_j/h^2.
-struct Coefficients {
-  double A, B, K0, v, s_delta;
-  double w[5];
-};
-
-// With `factor` in place of K1.
-inline Coefficients coefficients_with(const Scene& scene, double factor) {
-  const double scale = scene.form == Form::chain ? factor : factor / (scene.h() * scene.h());
-  const std::array<double, 5> w = second_difference(scene.order);
-  Coefficients c{scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
-  // Weights that add up to exactly 0: what they err by acts on psi itself, and 1/h^2 makes it large, the same
-  // way in every step. They are rounded to multiples of one power of 2, so small that no digit of theirs is
-  // lost and so large that their sum has no rounding.
-  const double unit = scale > 0 ? std::ldexp(1., std::ilogb(scale) - 50) : 1;
-  double sum = 0;
-  for (std::size_t j = 1; j < 5; ++j) {
-    c.w[j] = scene.order > 2 ? unit * std::nearbyint(scale * w[j] / unit) : scale * w[j];
-    sum += c.w[j];
-  }
-  c.w[0] = -2 * sum;
-  return c;
-}
-inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.K1()); }
-
-// Any friction, behind its virtual functions: terms stand beside it in loops that are compiled once for all
-// laws and are no vector code.
-template <bool state, bool is_smoothed, bool is_steep>
-struct AnyFriction {
-  static constexpr bool has_state = state, sticks = true, smoothed = is_smoothed, steep = is_steep;
-  std::shared_ptr<const Friction> own;
-
-  Partials partials(double psi, double s) const { return own->partials(psi, s); }
-  Partials sliding_partials(double psi, double s, double direction) const {
-    return own->sliding_partials(psi, s, direction);
-  }
-  RatePartials rate_partials(double psi, double s) const { return own->rate_partials(psi, s); }
-  RatePartials sliding_rate(double psi, double s, double direction) const {
-    return own->sliding_rate(psi, s, direction);
-  }
-  double rate(double psi, double s) const { return own->rate(psi, s); }
-  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
-    return own->newton_psi(psi, s, psi_new, s_new, mass);
-  }
-};
-
-// Friction of its own at every node, a law or AnyFriction; of AnyFriction also the same at all. The loops
-// take it in place of one law, which friction_of() hands on as it is: a scene without profiles and terms runs
-// the same instructions as if there were none.
-template <class Own>
-struct Varying {
-  static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
-                        looks_up = false;
-  std::shared_ptr<const std::vector<Own>> nodes;
-};
-template <class F>
-const F& friction_of(const F& friction, PetscInt) {
-  return friction;
-}
-template <class F>
-const F& friction_of(const Varying<F>& friction, PetscInt node) {
-  return (*friction.nodes)[node];
-}
-template <bool... flags>
-const AnyFriction<flags...>& friction_of(const Varying<AnyFriction<flags...>>& friction, PetscInt node) {
-  const std::vector<AnyFriction<flags...>>& nodes = *friction.nodes;
-  return nodes[nodes.size() == 1 ? 0 : node];
-}
 
 struct Range {
   const double* u;          // unknowns of the first node
@@ -149,6 +79,11 @@ double stencil_sum(const Coefficients& k, const double* psi) {
   double sum = k.w[0] * psi[0];
   for (int j = 1; j <= half_width; ++j) sum += k.w[j] * (psi[-j] + psi[j]);
   return sum;
+}
+
+// K1 D2 psi where links differ: link[0] stands before the node, link[1] behind it.
+inline double link_sum(const double* link, const double* psi) {
+  return link[1] * (psi[1] - psi[0]) - link[0] * (psi[0] - psi[-1]);
 }
 
 // The direction of node i, 0 at rest; without `sticking` nobody asks for it.
@@ -273,8 +208,8 @@ struct Onto {
       friction_force<sticking>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
         const double psi = t.psi[i], coupling = coupled ? t.f[i * dof + 1] : 0;
-        const NodeRates rates =
-            node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
+        const NodeRates rates = node_rates(coefficients_at(friction_of(friction, t.node + i), c), psi,
+                                           t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
         t.f[i * dof] = rates.psi;
         t.f[i * dof + 1] = rates.eta;
         if constexpr (dof == 3)
@@ -428,8 +363,9 @@ struct Reaction {
       alignas(64) double force[tile_size];
       friction_force<false>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
-        t.f[i * dof] = -c.A * force[i];
-        t.f[i * dof + 1] = c.s_delta * force[i];
+        const auto& own = coefficients_at(friction_of(friction, t.node + i), c);
+        t.f[i * dof] = -own.A * force[i];
+        t.f[i * dof + 1] = own.s_delta * force[i];
         if constexpr (dof == 3)
           t.f[i * dof + 2] = friction_of(friction, t.node + i).rate(t.psi[i], t.state[i]);
       }

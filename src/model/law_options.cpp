@@ -118,6 +118,16 @@ LawOptions law_options() {
   OptionSpec amplitude =
       option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
   add_profile(all.of_profiles, amplitude.name, amplitude);
+  using R = Parameter::Range;
+  for (const Parameter& p : {Parameter{"m", "1", R::positive, "", ""},
+                             {"k0", "0.2", R::not_negative, "", ""},
+                             {"k1", "0.2", R::not_negative, "", ""},
+                             {"zeta", "0", R::not_negative, "", ""},
+                             {"c", "1", R::not_negative, "length/time", ""},
+                             {"delta", "0.2", R::not_negative, "", ""}}) {
+    const OptionSpec parameter = option_of("model_" + std::string(p.name), p);
+    add_profile(all.of_profiles, parameter.name, parameter);
+  }
   for (const std::vector<OptionSpec>* family : {&all.of_laws, &all.of_states})
     for (const OptionSpec& parameter : *family)
       if (parameter.type == OptionType::real) add_profile(all.of_profiles, parameter.name, parameter);

@@ -35,6 +35,7 @@ struct Model::Impl {
   mutable Coefficients coefficients{}, no_stencil{};  // v: of the load, at the time said last
   mutable int load_piece = 0;
   LinearPoint no_friction;
+  std::vector<NodeCoefficients> medium;  // of this rank's nodes; none where all have the same
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
   RangeLoop viscous_force;  // of a viscous scene
   const double* direction = nullptr;
@@ -53,7 +54,7 @@ struct Model::Impl {
 
   Impl(MPI_Comm communicator, const Scene& s)
       : comm(communicator), scene(s), dof(s.friction.has_state() ? 3 : 2), half_width(s.order / 2),
-        no_friction(s) {
+        no_friction(s, 0) {
     int ranks = 1;
     MPI_Comm_size(comm, &ranks);
     if (ranks > scene.n)
@@ -68,13 +69,15 @@ struct Model::Impl {
 
     const FrictionParameters& p = scene.friction;
     const FrictionPlaces places = friction_places(scene, first, local);
-    full = whole_loop(p, half_width, false, places);
+    medium = coefficients_along(scene, first, local);
+    stencil = medium_stencil(dof, wave_loop(dof, half_width, true), links_along(scene, first, local));
+    const RangeLoop own_stencil = scene.medium.varies() ? stencil : RangeLoop();
+    full = whole_loop(p, half_width, false, places, own_stencil);
     pointwise = whole_loop(p, 0, false, places);
-    stencil = wave_loop(dof, half_width, true);
-    wave = wave_loop(dof, half_width, false);
+    wave = own_stencil ? medium_wave(dof, stencil, medium) : wave_loop(dof, half_width, false);
     reaction = reaction_loop(p, places);
     if (p.sticks()) {
-      sticking = whole_loop(p, half_width, true, places);
+      sticking = whole_loop(p, half_width, true, places, own_stencil);
       sticking_pointwise = whole_loop(p, 0, true, places);
     }
     if (scene.N() > 0) add_viscosity();
@@ -246,7 +249,7 @@ struct Model::Impl {
   NodeBlock node_block(Part part, PetscInt i, const double* u) const {
     const bool fixed = scene.held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
     const double psi = u[0], s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
-    LinearPoint point(no_friction);
+    LinearPoint point = point_of(i);
     if (has_friction(part) && !direction) {
       point.set(friction_at(i, psi, s), (*law)[i].rate_partials(psi, s));
     } else if (has_friction(part)) {
@@ -279,6 +282,9 @@ struct Model::Impl {
     state[2] = beta * b.state_state + alpha;
   }
 
+  LinearPoint point_of(PetscInt i) const {
+    return medium.empty() ? no_friction : LinearPoint(scene, medium[std::size_t(i)]);
+  }
   static Partials times(double a, const Partials& p) { return {a * p.F, a * p.F_psi, a * p.F_state}; }
   Partials friction_at(PetscInt i, double psi, double state) const {
     return times(amplitude[i], (*law)[i].partials(psi, state));
@@ -380,8 +386,8 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   bool was_moving = true;
   // of D2 psi in the rows of psi and eta; viscosity does not move a held node, nor one at rest
   const auto lay_out = [&](PetscInt row, const Combination& d2, bool moves) {
-    const double N = moves ? m.scene.N() : 0, of_psi = m.scene.A() * N,
-                 of_eta = m.scene.K1() - m.scene.s_delta() * N;
+    const double N = moves ? m.scene.N() : 0, of_psi = N > 0 ? m.scene.A() * N : 0,
+                 of_eta = m.scene.medium.varies() ? 1 : m.scene.K1() - m.scene.s_delta() * N;
     columns.clear();
     for (const auto& term : d2) columns.push_back(term.first);
     width = columns.size() * dof;
@@ -400,14 +406,18 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   for (PetscInt i = 0; i < m.local; ++i) {
     const PetscInt row = m.first + i;
     const Row kind = !has_stencil(part) || (m.scene.held(row) && m.scene.form == Form::continuum) ? Row::alone
-                     : row >= hw && row < n - hw                                                  ? Row::inner
+                     : row >= hw && row < n - hw && !m.scene.medium.links_differ()                ? Row::inner
                                                                                                   : Row::end;
     const bool moves = !m.scene.held(row) && !(m.direction && m.direction[i] == 0 && part != Part::wave);
     // but for its place and diagonal block the same
     if (kind == laid_out && kind != Row::end && moves == was_moving) {
       for (PetscInt& column : columns) ++column;
     } else {
-      lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row), moves);
+      lay_out(row,
+              kind == Row::alone        ? Combination{{row, 0.}}
+              : m.scene.medium.varies() ? coupling_row(m.scene, row)
+                                        : second_difference_row(m.scene, row),
+              moves);
     }
     laid_out = kind;
     was_moving = moves;
@@ -425,9 +435,14 @@ Partials Model::friction(PetscInt local_node, double psi, double state) const {
   return impl_->friction_at(local_node, psi, state);
 }
 LinearPoint Model::linear_point(PetscInt local_node, double psi, double state) const {
-  LinearPoint point(impl_->no_friction);
+  LinearPoint point = impl_->point_of(local_node);
   point.set(friction(local_node, psi, state), state_rate(local_node, psi, state));
   return point;
+}
+NodeCoefficients Model::coefficients(PetscInt local_node) const {
+  const LinearPoint& same = impl_->no_friction;
+  return impl_->medium.empty() ? NodeCoefficients{same.A, same.B, same.K0, same.s_delta}
+                               : impl_->medium[std::size_t(local_node)];
 }
 const Friction& Model::friction_law() const {
   if (impl_->law->vary()) (void)Friction::of(scene().friction);  // which says why not
@@ -450,12 +465,13 @@ bool Model::safeguard_newton_step(Vec u, double shift, Vec minus_step) const {
   const Impl& m = *impl_;
   if (!(*m.law)[0].steep || m.scene.massless()) return false;
   // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
-  const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
   const Reading a(u);
   const Writing step(minus_step);
   for (PetscInt i = 0; i < m.local; ++i) {
     if (m.scene.held(m.first + i)) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
+    const NodeCoefficients c = coefficients(i);
+    const double mass = shift / c.A + c.B + c.K0 / shift;
     double* d = step + i * m.dof;
     d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2], mass / m.amplitude[i]);
   }
@@ -468,7 +484,7 @@ void Model::set_held(Vec u) const {
     double* at = a + i * m.dof;
     at[0] = m.first + i == 0 ? m.scene.left_value : m.scene.right_value;
     if (m.scene.form == Form::continuum)
-      at[1] = m.scene.B() * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
+      at[1] = m.point_of(i).B * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
   });
   if (!viscous() || m.scene.form == Form::chain || !m.scene.any_held()) return;
   const VecHandle force = create_vector();
@@ -476,23 +492,6 @@ void Model::set_held(Vec u) const {
   const Reading b(force);
   const Writing a(u);
   m.for_held([&](PetscInt i) { a[i * m.dof + 1] -= b[i * m.dof + 1]; });
-}
-
-double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
-
-double Model::friction_rate(Vec u) const {
-  const Impl& m = *impl_;
-  const Reading a(u);
-  double largest = 0;
-  for (PetscInt i = 0; i < m.local; ++i) {
-    const double psi = a[i * m.dof], state = m.dof == 3 ? a[i * m.dof + 2] : 0;
-    const LinearPoint p = linear_point(i, psi, state);
-    const double rate = m.scene.massless() ? 0 : std::abs(p.A * (p.B + p.F_psi)) + std::abs(p.s_delta);
-    largest = std::max(largest, std::abs(p.g_state));  // 0 without a state
-    largest = std::max(largest, rate);
-  }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, m.comm));
-  return largest;
 }
 
 }  // namespace stickslip

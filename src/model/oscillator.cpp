@@ -8,8 +8,19 @@
 
 namespace stickslip {
 
+namespace {
+
+const Scene& with_one_medium(const Scene& s) {
+  if (s.medium.varies())
+    throw UsageError(s.medium.profiles.begin()->first +
+                     "_profile: what is asked for here needs a medium that is the same everywhere");
+  return s;
+}
+
+}  // namespace
+
 Oscillator::Oscillator(const Scene& scene)
-    : node_(scene), B_(scene.B()), c2_(scene.A() * scene.K1()), v_(scene.v) {
+    : node_(with_one_medium(scene)), B_(scene.B()), c2_(scene.A() * scene.K1()), v_(scene.v) {
   const FrictionParameters& p = scene.friction;
   if (p.sticks())
     throw UsageError("friction_law " + to_string(p.law) +

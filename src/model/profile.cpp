@@ -34,6 +34,23 @@ bool ProfileAlongX::is_constant() const {
                      [&](const auto& p) { return p.second == points_.front().second; });
 }
 
+std::vector<double> ProfileAlongX::jumps() const {
+  std::vector<double> places;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const auto& before = points_[i > 0 ? i - 1 : points_.size() - 1];
+    const auto& here = points_[i];
+    if (before.second == here.second || (i == 0 && period_ == 0)) continue;
+    if (between_ == Between::step || (i > 0 && before.first == here.first)) places.push_back(here.first);
+  }
+  return places;
+}
+
+std::pair<double, double> ProfileAlongX::range() const {
+  const auto by_value = [](const auto& a, const auto& b) { return a.second < b.second; };
+  const auto [low, high] = std::minmax_element(points_.begin(), points_.end(), by_value);
+  return {low->second, high->second};
+}
+
 double ProfileAlongX::shortest() const {
   double shortest = std::numeric_limits<double>::infinity();
   const auto look = [&](const auto& low, const auto& high, double distance) {

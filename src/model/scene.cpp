@@ -239,6 +239,61 @@ std::optional<ProfileAlongX> read_profile(const Options& o, const Scene& s, cons
   return ProfileAlongX(std::move(points), between, s.ring() ? s.length : 0);
 }
 
+// Where this medium, which differs along x, cannot be had.
+void refuse_medium(const Options& o, const Scene& s) {
+  const std::string profile = "-" + s.medium.profiles.begin()->first + "_profile";
+  const auto refuse_it = [&](bool wrong, const std::string& reason) {
+    if (wrong) throw UsageError(profile + ": " + reason);
+  };
+  refuse_it(s.massless(), "it needs blocks with mass (model_m > 0)");
+  refuse_it(s.nu > 0, "viscosity between neighbours (model_nu) is there for equal nodes alone");
+  refuse_it(
+      s.medium.profile("model_c") && s.order != 2,
+      "differences across a c that varies are of order 2, but grid_order is " + std::to_string(s.order));
+  refuse_it(s.form == Form::chain && o.text("model_zeta") == "paper" &&
+                (s.medium.profile("model_m") || s.medium.profile("model_k1")),
+            "-model_zeta paper is sqrt(0.1 m k1) of one m and one k1; give model_zeta or model_zeta_profile");
+  const std::string train = "a train has the same profile f(t - x/V) at every x";
+  refuse_it(o.command() == "wave", train);
+  refuse_it(o.command() == "chart" && o.text("chart_kind") == "limits",
+            "chart_kind limits looks at waves on one medium");
+  if (o.command() != "laws" && o.command() != "spectrum" && o.command() != "boundary")
+    refuse_it(o.text("init_type") == "wave" || o.text("init_type") == "pulses", train);
+}
+
+void read_medium(const Options& o, Scene& s) {
+  const bool chain = s.form == Form::chain;
+  const std::vector<std::pair<const char*, double*>> of_chain = {
+      {"model_m", &s.m}, {"model_k0", &s.k0}, {"model_k1", &s.k1}, {"model_zeta", &s.zeta}};
+  const std::vector<std::pair<const char*, double*>> of_continuum = {{"model_c", &s.c},
+                                                                     {"model_delta", &s.delta}};
+  for (const auto& [name, value] : chain ? of_continuum : of_chain)
+    refuse(o, {std::string(name) + "_profile", std::string(name) + "_factor"},
+           std::string("a parameter of the ") + (chain ? "continuum" : "chain") + ", but model_form is " +
+               to_string(s.form));
+  for (const auto& [name, value] : chain ? of_chain : of_continuum)
+    if (const auto profile = read_profile(o, s, name)) s.medium.profiles[name] = *profile;
+  if (!s.medium.varies()) return;
+  refuse_medium(o, s);
+  // the mean over the nodes, of c^2 in the place of c
+  for (const auto& [name, value] : chain ? of_chain : of_continuum) {
+    const ProfileAlongX* const profile = s.medium.profile(name);
+    if (!profile) continue;
+    const bool between = std::string(name) == "model_k1", squared = std::string(name) == "model_c";
+    double sum = 0;
+    for (PetscInt i = 0; i < s.n; ++i) {
+      const double at = profile->at(s.x(i) + (between ? 0.5 : 0));
+      sum += squared ? at * at : at;
+    }
+    *value = squared ? std::sqrt(sum / double(s.n)) : sum / double(s.n);
+  }
+  for (PetscInt i = 0; i < s.n; ++i) {
+    const NodeCoefficients c = s.coefficients(i);
+    if (!std::isfinite(c.A + c.B + c.K0 + c.s_delta + s.link(i)))
+      throw usage_error("the medium's coefficients overflow at x = {:.6g}: choose gentler units", s.x(i));
+  }
+}
+
 void read_profiles(const Options& o, Scene& s) {
   FrictionParameters& f = s.friction;
   const auto read = [&](const std::string& name, const std::string& as) {
@@ -259,7 +314,7 @@ void read_profiles(const Options& o, Scene& s) {
     if (std::none_of(f.law->parameters.begin(), f.law->parameters.end(), is_same)) read(name, name);
   }
   if (const auto amplitude = read_profile(o, s, "friction_amplitude")) s.amplitude = *amplitude;
-  if (o.command() != "laws" && o.is_set("profile_kind") && s.amplitude.points().empty() && !f.varies())
+  if (o.command() != "laws" && o.is_set("profile_kind") && !s.has_profile())
     throw UsageError(shown(o, "profile_kind") + ": there is no profile");
   // throws where the values contradict each other
   if (!f.varies()) return void(Friction::of(f));
@@ -388,6 +443,7 @@ Scene Scene::from(const Options& options, bool) {
   read_state(options, scene);
   read_ends(options, scene);
   read_grid(options, scene);
+  read_medium(options, scene);
   read_profiles(options, scene);
   read_load(options, scene);
   return scene;

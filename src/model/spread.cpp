@@ -72,8 +72,7 @@ std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, Petsc
   const bool block_by_block = scene.form == Form::chain && scene.spread != 0;
   for (PetscInt i = 0; i < count; ++i) {
     const double x = scene.x(first + i);
-    a[i] =
-        block_by_block ? draw(scene, first + i) * profile_at(scene, x) : friction_amplitude_at(scene, x);
+    a[i] = block_by_block ? draw(scene, first + i) * profile_at(scene, x) : friction_amplitude_at(scene, x);
   }
   return a;
 }
@@ -87,7 +86,8 @@ double friction_amplitude_at(const Scene& scene, double x) {
 double Scene::friction_length() const {
   double least = spread != 0 ? spread_length : std::numeric_limits<double>::infinity();
   least = std::min(least, amplitude.shortest());
-  for (const auto& [name, profile] : friction.profiles) least = std::min(least, profile.shortest());
+  for (const auto* profiles : {&friction.profiles, &medium.profiles})
+    for (const auto& [name, profile] : *profiles) least = std::min(least, profile.shortest());
   return least;
 }
 

@@ -55,8 +55,7 @@ Combination second_difference_row(const Scene& scene, PetscInt i) {
   if (i >= half_width && i < scene.n - half_width) {
     Combination inner;
     inner.reserve(scene.order + 1);
-    for (PetscInt j = -half_width; j <= half_width; ++j)
-      inner.emplace_back(i + j, scale * w[std::abs(j)]);
+    for (PetscInt j = -half_width; j <= half_width; ++j) inner.emplace_back(i + j, scale * w[std::abs(j)]);
     return inner;
   }
   std::map<PetscInt, double> row;  // near an end several terms may meet in one node
@@ -68,6 +67,24 @@ Combination second_difference_row(const Scene& scene, PetscInt i) {
     } else {
       for (const auto& [inside, share] : halo_node(scene, node)) row[inside] += weight * share;
     }
+  }
+  return {row.begin(), row.end()};
+}
+
+Combination coupling_row(const Scene& scene, PetscInt i) {
+  if (!scene.medium.links_differ()) {
+    Combination row = second_difference_row(scene, i);
+    for (auto& term : row) term.second *= scene.K1();
+    return row;
+  }
+  std::map<PetscInt, double> row;
+  for (const PetscInt side : {-1, 1}) {
+    const double link = scene.link(side < 0 ? i - 1 : i);
+    row[i] -= link;
+    if (const PetscInt node = i + side; node >= 0 && node < scene.n)
+      row[node] += link;
+    else
+      for (const auto& [inside, share] : halo_node(scene, node)) row[inside] += link * share;
   }
   return {row.begin(), row.end()};
 }

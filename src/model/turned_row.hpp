@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "stickslip/model/scene.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -15,5 +16,9 @@ struct TurnedTerm {
   int turns;
 };
 std::vector<TurnedTerm> turned_row(const Scene& ring, PetscInt i);
+
+// A row of D2 on any scene; where links differ (medium.hpp), here and above, that of the links over the mean
+// K1.
+Combination row_over_mean(const Scene& scene, PetscInt i);
 
 }  // namespace stickslip

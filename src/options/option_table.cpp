@@ -124,7 +124,8 @@ void grid_options(OptionTableBuilder& t) {
         return std::to_string(o.text("bc_left") == "periodic" ? n : std::max<PetscInt>(n - 1, 1));
       });
   t.choice("grid_order", {"4", "2", "6", "8"}, "continuum: order of the second difference")
-      .unset("4; the chain: 2", [](const Options& o) { return is_chain(o) ? "2" : "4"; });
+      .unset("4; the chain and a profile of c: 2",
+             [](const Options& o) { return is_chain(o) || o.is_set("model_c_profile") ? "2" : "4"; });
   for (const auto& [end, other] : {std::pair("bc_left", "bc_right"), std::pair("bc_right", "bc_left")})
     t.choice(end, {"periodic", "velocity", "free"},
              "end of the medium: periodic (both or neither), held at a velocity, or free")

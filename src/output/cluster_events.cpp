@@ -11,12 +11,14 @@ namespace stickslip {
 
 ClusterEvents::ClusterEvents(const Scene& scene, bool ruptures)
     : scene_(scene), weight_(scene.form == Form::chain ? 1 : scene.h()),
-      damping_(scene.B() + scene.s_delta() / scene.A()), regions_(scene.n, scene.ring()), owner_(scene.n, -1),
-      slip_(scene.n), squares_(scene.n), rupture_(ruptures ? scene.n : 0) {}
+      coefficients_(coefficients_along(scene, 0, scene.n)), regions_(scene.n, scene.ring()),
+      owner_(scene.n, -1), slip_(scene.n), squares_(scene.n), rupture_(ruptures ? scene.n : 0) {
+  if (coefficients_.empty()) coefficients_.push_back(scene.coefficients(0));
+}
 
 // Simpson's rule on the cubics of psi and eta.
 void ClusterEvents::step(const MovedNodes& m) {
-  const double dt = m.t1 - m.t0, A = scene_.A(), B = scene_.B();
+  const double dt = m.t1 - m.t0;
   int whose = -1;
   LiveEvent* live = nullptr;
   const auto close = [&] {
@@ -29,6 +31,8 @@ void ClusterEvents::step(const MovedNodes& m) {
       close();
       live = &regions_.live().at(whose = owner_[i]);
     }
+    const auto& [A, B, K0, s_delta] = own(i);
+    const double damping = B + s_delta / A;
     const double p0 = m.begin.psi[k], p1 = m.end.psi[k], e0 = m.begin.eta[k], e1 = m.end.eta[k];
     const double p = (p0 + p1) / 2 + dt / 8 * (m.begin.psi_rate[k] - m.end.psi_rate[k]);
     const double e = (e0 + e1) / 2 + dt / 8 * (m.begin.eta_rate[k] - m.end.eta_rate[k]);
@@ -42,7 +46,7 @@ void ClusterEvents::step(const MovedNodes& m) {
       viscous = dt / 6 * (p0 * v0 + 4 * p * v + p1 * v1);
     }
     live->event.friction_work += weight_ * (given + viscous - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
-    live->event.radiated += weight_ * (damping_ * squares - viscous);
+    live->event.radiated += weight_ * (damping * squares - viscous);
     live->kinetic_now += weight_ / (2 * A) * (p1 * p1 - squares_[i]);
     squares_[i] = p1 * p1;
   }
@@ -89,13 +93,13 @@ void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt
   const Load& load = scene_.load;
   const double way = halts(scene_)   ? 0
                      : load.varies() ? load.integral(t) - load.integral(e.begin)
-                                     : scene_.v * (t - e.begin),
-               travelled = scene_.K0() * way;
+                                     : scene_.v * (t - e.begin);
   EventSums sums;
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) {
-    double change = travelled - scene_.K0() * slip_[i];
-    for (const auto& [j, factor] : second_difference_row(scene_, i))
-      if (owner_[j] == id) change += scene_.K1() * factor * slip_[j];
+    const double K0 = own(i).K0, travelled = K0 * way;
+    double change = travelled - K0 * slip_[i];
+    for (const auto& [j, factor] : coupling_row(scene_, i))
+      if (owner_[j] == id) change += factor * slip_[j];
     const double behind = eta(i);
     sums.add(weight_, slip_[i], behind - change, behind);
   });

@@ -29,11 +29,15 @@ class ClusterEvents {
 
  private:
   PetscInt beside(PetscInt node, int side) const;  // -1: none
+  const NodeCoefficients& own(PetscInt i) const {
+    return coefficients_[coefficients_.size() == 1 ? 0 : std::size_t(i)];
+  }
   void claim(const SlipRegion& stretch, double t);
   void finish(int id, double t, const std::function<double(PetscInt)>& eta);
 
   Scene scene_;
-  double weight_, damping_;
+  double weight_;
+  std::vector<NodeCoefficients> coefficients_;  // of the nodes; one where all have the same
   Regions regions_;
   std::vector<int> owner_;              // event under way in whose region a node is; -1: none
   std::vector<double> slip_, squares_;  // of a node in a region: in this event; psi^2 at its last end of step

@@ -21,7 +21,7 @@ constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a fa
 Displacement::Displacement(const Model& model, const Plate& plate)
     : model_(model), plate_(plate), floats_(floats(model.scene())) {
   const Scene& s = model.scene();
-  if (floats_ && s.K1() == 0)
+  if (floats_ && s.mean_K1() == 0)
     throw UsageError(
         "out_displacement: with model_k0 0 and model_k1 0 no force tells where a block is; set one of them, "
         "or leave it out");
@@ -74,10 +74,10 @@ template <class Place>
 void Displacement::add_row(PetscInt node, PetscInt row, const Place& place) {
   const Scene& s = model_.scene();
   const bool given = model_.held(node) || (floats_ && node == 0);  // the latter: 0 there, and then shifted
-  SS_TRY(MatSetValue(matrix_, row, row, given ? 1 : s.K0(), ADD_VALUES));
+  SS_TRY(MatSetValue(matrix_, row, row, given ? 1 : s.coefficients(node).K0, ADD_VALUES));
   if (given) return;
-  for (const auto& [column, weight] : second_difference_row(s, node))
-    if (place(column) >= 0) SS_TRY(MatSetValue(matrix_, row, place(column), -s.K1() * weight, ADD_VALUES));
+  for (const auto& [column, weight] : coupling_row(s, node))
+    if (place(column) >= 0) SS_TRY(MatSetValue(matrix_, row, place(column), -weight, ADD_VALUES));
 }
 
 void Displacement::finish_matrix() {
@@ -87,6 +87,12 @@ void Displacement::finish_matrix() {
   SS_TRY(KSPSetOperators(ksp_, matrix_, matrix_));
   solve_by_banded_lu(ksp_);
   SS_TRY(KSPSetUp(ksp_));
+}
+
+// s delta/A of a node of this rank.
+double Displacement::damping(PetscInt local_node) const {
+  const NodeCoefficients c = model_.coefficients(local_node);
+  return c.s_delta / c.A;
 }
 
 VecHandle Displacement::create_vector() const {
@@ -132,13 +138,12 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
 void Displacement::solve_relative(Vec u, double t, double travelled, Vec w) const {
   const Scene& s = model_.scene();
   const bool loaded = s.load.varies();
-  const double damping = s.s_delta() / s.A();
   const Reading a(u);
   const Writing b(load_);
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const double *at = a + i * model_.dof(), end = model_.first() + i == 0 ? s.left_value : s.right_value;
     b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t)
-                                           : -(at[1] + damping * at[0]);
+                                           : -(at[1] + damping(i) * at[0]);
   }
   if (!fetch_) {
     SS_TRY(KSPSolve(ksp_, load_, w));
@@ -155,7 +160,7 @@ bool Displacement::has_energy() const { return !model_.scene().any_held(); }
 
 Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
-  const double damping = s.s_delta() / s.A(), v = model_.plate_velocity(t);
+  const double v = model_.plate_velocity(t);
   if (floats_)
     solve_since_start(u, t, w_);
   else
@@ -171,13 +176,14 @@ Energy Displacement::energy(Vec u, double t) const {
     const PetscInt node = model_.first() + i;
     const bool end = s.form == Form::continuum && !s.ring() && (node == 0 || node == s.n - 1);
     const double weight = (s.form == Form::continuum ? s.h() : 1) * (end ? 0.5 : 1);
-    const double *at = a + i * model_.dof(), psi = at[0], z = at[1] + damping * psi;
+    const NodeCoefficients c = model_.coefficients(i);
+    const double *at = a + i * model_.dof(), psi = at[0], z = at[1] + damping(i) * psi;
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
-    sums[0] += weight * psi * psi / (2 * s.A());
+    sums[0] += weight * psi * psi / (2 * c.A);
     sums[1] -= weight * w[i] * (floats_ ? z + eta_at_start_[std::size_t(i)] : z) / 2;
     sums[2] += floats_ ? 0 : weight * v * z;
     sums[3] += weight * psi * F;
-    sums[4] += weight * (s.B() + damping) * psi * psi;
+    sums[4] += weight * (c.B + damping(i)) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 5, MPI_DOUBLE, MPI_SUM, model_.comm()));

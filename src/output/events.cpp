@@ -55,7 +55,8 @@ struct Events::Impl {
   PetscInt first;
   std::size_t n;  // nodes of this rank, from `first` on
   int ranks;
-  double velocity, weight, damping, A, B;
+  double velocity, weight;
+  std::vector<NodeCoefficients> coefficients;  // of the nodes; one where all have the same
   std::vector<double> amplitude;
   Frictions friction;
   ForceLoop forces;  // of nodes side by side
@@ -81,17 +82,21 @@ struct Events::Impl {
   Impl(const Scene& s, double v, const NodeRange& range, bool ruptures)
       : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)),
         n(static_cast<std::size_t>(range.count)), ranks(ranks_in(range.comm)), velocity(v),
-        weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
+        weight(s.form == Form::chain ? 1 : s.h()), coefficients(coefficients_along(s, first, PetscInt(n))),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, friction_places(s, first, PetscInt(n)))), halo(s, range),
         regions(s.n, s.ring()), with_ruptures(ruptures), owner(n, -1), slip(n), slipped(n), slipped_then(n),
         last_force(n), rupture(ruptures ? n : 0, NAN), moving(n, 0), moved(n, 0) {
+    if (coefficients.empty()) coefficients.push_back(s.coefficients(0));
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
       for (auto& term : d2.back()) term.second *= s.N();
     }
   }
 
+  const NodeCoefficients& own(std::size_t i) const { return coefficients[coefficients.size() == 1 ? 0 : i]; }
+  // What takes power beside friction, over psi^2.
+  double damping(std::size_t i) const { return own(i).B + own(i).s_delta / own(i).A; }
   bool moves(std::size_t i, const Fields& fields) const { return std::abs(fields[0][i]) > velocity; }
 
   // Friction of a node; at psi = 0 it is that of the motion in `direction` which begins or ends there.
@@ -116,6 +121,7 @@ struct Events::Impl {
   double middle(std::size_t i, double dt) const {
     const double p0 = last[0][i], p1 = now[0][i], direction = p0 + p1 < 0 ? -1 : 1;
     const bool has_state = last.size() > 2;
+    const double A = own(i).A, B = own(i).B;
     double m0 = A * (last[1][i] - B * p0 - force(i, p0, has_state ? last[2][i] : 0, direction));
     double m1 = A * (now[1][i] - B * p1 - force(i, p1, has_state ? now[2][i] : 0, direction));
     m0 += A * viscous[0][i];
@@ -175,9 +181,9 @@ struct Events::Impl {
   // rest.
   std::vector<double> settled_force() const {
     std::vector<double> eta = last[1];
-    const double given_back = scene.s_delta() / A;
-    for (std::size_t i = 0; i < n && given_back != 0; ++i)
-      if (moves(i, last)) eta[i] += given_back * last[0][i];
+    if (scene.form == Form::chain) return eta;
+    for (std::size_t i = 0; i < n; ++i)
+      if (own(i).s_delta != 0 && moves(i, last)) eta[i] += own(i).s_delta / own(i).A * last[0][i];
     return eta;
   }
   void renumber() {
@@ -200,6 +206,7 @@ struct Events::Impl {
     const double F0 = p0 != 0 && moved[i] ? last_force[i] : force(i, p0, s0, direction),
                  F1 = force(i, p1, s1, direction);
     last_force[i] = F1;
+    const double A = own(i).A, B = own(i).B;
     const double m0 = A * (last[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
     const double p = d2.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt);
     const double F = force(i, p, has_state ? middle_state(i, dt) : 0, direction);
@@ -208,7 +215,7 @@ struct Events::Impl {
     slip[i] += step;
     slipped[i] += step;
     live.event.friction_work += weight * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
-    live.event.radiated += weight * damping * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
+    live.event.radiated += weight * damping(i) * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
     if (!d2.empty())
       live.event.radiated -=
           weight * dt / 6 * (p0 * viscous[0][i] + 4 * p * viscous[1][i] + p1 * viscous[2][i]);
@@ -241,6 +248,7 @@ struct Events::Impl {
       if (p0[k] == 0 || !knows[k])
         F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
     forces_at(from, size, p1, s1, F1);
+    const double A = own(0).A, B = own(0).B;  // of all
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
     for (std::size_t k = 0; k < size && has_state; ++k) state[k] = middle_state(from + k, dt);
     forces_at(from, size, p, state, F);
@@ -248,7 +256,7 @@ struct Events::Impl {
         event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
     live.moves = true;
     live.event.friction_work += weight * dt / 6 * work;
-    live.event.radiated += weight * damping * dt / 6 * squares;
+    live.event.radiated += weight * damping(0) * dt / 6 * squares;
     live.kinetic_now += weight / (2 * A) * ends;
   }
 
@@ -263,7 +271,7 @@ struct Events::Impl {
       if (owner[i] != whose) event = &regions.live().at(whose = owner[i]);
       end = i + 1;
       while (end < std::min(n, i + side_by_side) && moving[end] && owner[end] == whose) ++end;
-      if (end - i >= few && d2.empty())
+      if (end - i >= few && d2.empty() && coefficients.size() == 1)
         accumulate_side_by_side(i, end - i, *event, dt);
       else
         for (std::size_t k = i; k < end; ++k) accumulate(k, *event, dt);
@@ -300,8 +308,8 @@ struct Events::Impl {
     };
     double eta = before.eta[i];
     if (scene.held(node) && scene.form == Form::continuum) return eta;  // it follows from psi there
-    eta -= scene.K0() * others(node);
-    for (const auto& [j, factor] : second_difference_row(scene, node)) eta += scene.K1() * factor * others(j);
+    eta -= own(std::size_t(i)).K0 * others(node);
+    for (const auto& [j, factor] : coupling_row(scene, node)) eta += factor * others(j);
     return eta;
   }
 

@@ -10,14 +10,14 @@ namespace stickslip {
 
 LoadedMean::LoadedMean(const Model& model) : model_(model) {
   const Scene& s = model.scene();
-  period_ = s.any_held() || s.K0() == 0 ? 0 : s.load.period();
+  period_ = s.any_held() || s.medium.profile("model_k0") || s.K0() == 0 ? 0 : s.load.period();
   if (period_ > 0) work_ = model.create_vector();
 }
 
 std::vector<SummaryKey> LoadedMean::keys() {
   return {{"psi_loaded_mean", "length/time",
            "under a sine load: mean of psi over the nodes and the last whole period of the load; null with a "
-           "held end, without springs to the plate, or before a period has passed"}};
+           "held end, without springs to the plate or with unequal ones, or before a period has passed"}};
 }
 
 double LoadedMean::next(double t) const {
@@ -38,8 +38,9 @@ double LoadedMean::force(Vec u) const {
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const PetscInt node = model_.first() + i;
     const double weight = halves && (node == 0 || node == s.n - 1) ? 0.5 : 1;
-    sum[0] += weight *
-              (a[i * model_.dof() + 1] + (s.s_delta() == 0 ? 0 : s.s_delta() / s.A() * a[i * model_.dof()]));
+    const NodeCoefficients c = model_.coefficients(i);
+    sum[0] +=
+        weight * (a[i * model_.dof() + 1] + (c.s_delta == 0 ? 0 : c.s_delta / c.A * a[i * model_.dof()]));
     sum[1] += weight;
   }
   sum_over(model_.comm(), sum, 2);

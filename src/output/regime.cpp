@@ -33,12 +33,15 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
+// Of a medium that differs along x the mean.
+double mean_K0(const Scene& s) { return s.medium.varies() ? s.averaged().K0() : s.K0(); }
+
 // Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing
 // gives way.
 bool is_unloaded(const Scene& s) {
   if ((s.left == End::velocity && s.left_value != 0) || (s.right == End::velocity && s.right_value != 0))
-    return s.K1() == 0 && s.K0() * s.v == 0;
-  return s.K0() * s.v == 0 || (s.v < 0 && !s.friction.back_slip);
+    return s.mean_K1() == 0 && mean_K0(s) * s.v == 0;
+  return mean_K0(s) * s.v == 0 || (s.v < 0 && !s.friction.back_slip);
 }
 
 // The force at which node i, if it hardly moves, gives way, over its amplitude: its static threshold, or
@@ -48,7 +51,8 @@ double holding_force(const Model& model, PetscInt i, double state) {
   const Friction& f = model.friction_law(i);
   if (f.sticks) return f.threshold(state).value;
   const double steady = f.steady_state(std::abs(s.v));
-  return std::isfinite(steady) ? f.force(std::abs(s.v), steady) + s.B() * std::abs(s.v) : 0.;
+  return std::isfinite(steady) ? f.force(std::abs(s.v), steady) + model.coefficients(i).B * std::abs(s.v)
+                               : 0.;
 }
 
 const LogEvent& measuring() {
@@ -120,7 +124,7 @@ struct Regime::Impl {
     const Scene& s = model.scene();
     const Reading values(u);
     const PetscInt n = model.local(), dof = model.dof();
-    const bool differs = aged() || s.friction.varies();
+    const bool differs = aged() || s.friction.varies() || s.medium.varies();
     double force = holding_force(model, 0, 0);
     for (PetscInt i = 0; i < n; ++i) {
       const double *at = &values[i * dof], psi = at[0];
@@ -130,7 +134,8 @@ struct Regime::Impl {
       const double holds = model.amplitude()[i] * force;
       largest[2] = std::max(largest[2], std::abs(holds));
       if (pull > 0) {
-        const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
+        const double side = s.v > 0 ? 1 : -1;
+        const double rate = std::max(model.coefficients(i).K0 * side * (s.v - psi), 0.1 * pull);
         largest[3] = std::max(largest[3], -std::max(0., holds - side * at[1]) / rate);
       }
     }
@@ -147,7 +152,7 @@ struct Regime::Impl {
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
     a.forcing = s.load.period();
-    const double pull = s.K0() * std::abs(s.v);
+    const double pull = mean_K0(s) * std::abs(s.v);
     // distance, speed, holding force, minus the time to give way
     std::array<double, 4> largest{0, 0, 0, -infinity};
     look_at_each(u, pull, largest);
@@ -155,7 +160,7 @@ struct Regime::Impl {
     a.distance_now = largest[0];
     a.speed_now = largest[1];
     a.loading = std::isfinite(largest[3]) ? -largest[3] : 0;
-    a.cycle = s.K0() > 0 && !s.massless() ? 2 * M_PI / std::sqrt(s.A() * s.K0()) : 1;
+    a.cycle = mean_K0(s) > 0 && !s.massless() ? 2 * M_PI / own_frequency(s) : 1;
     if (pull > 0) a.cycle = std::max(a.cycle, 2 * largest[2] / pull);
     return a;
   }

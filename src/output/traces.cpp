@@ -42,7 +42,8 @@ double Traces::slope(const Place& place, const Sample& at) const {
   if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
   const double force =
       model_.amplitude()[place.node] * model_.friction_law(place.node).force(at.psi, at.state);
-  return at.slope = s.A() * (at.eta - s.B() * at.psi - force);
+  const NodeCoefficients c = model_.coefficients(place.node);
+  return at.slope = c.A * (at.eta - c.B * at.psi - force);
 }
 
 Traces::Sample Traces::sample(const Place& place, const double* u) const {

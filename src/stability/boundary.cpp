@@ -12,7 +12,7 @@
 namespace stickslip {
 
 std::optional<double> closed_form_velocity(const Scene& s) {
-  if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || s.any_held())
+  if (!s.nodes_alike() || s.friction.has_state() || s.friction.regularised || s.any_held())
     return std::nullopt;
   if (s.load.varies() || s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
   // damping A (B + F_psi) + s delta = 0

@@ -111,7 +111,7 @@ double right_of_all(const LinearisedOperator& s) {
   double x = 1e-3 * s.rate_of(s.K0 + s.K1) + 1e-300;
   for (std::size_t i = 0; i < s.size(); ++i) {
     const LinearPoint p = s.point(i);
-    while (x / s.A + p.beta() - (p.has_state ? std::abs(p.q()) / (x + p.r()) : 0) <= 0) x *= 1.1;
+    while (x / p.A + p.beta() - (p.has_state ? std::abs(p.q()) / (x + p.r()) : 0) <= 0) x *= 1.1;
   }
   return x;
 }
@@ -189,7 +189,9 @@ std::optional<long> count_right(MPI_Comm comm, const LinearisedOperator& s, doub
   const double n = double(s.size());
   std::vector<Complex> places;
   std::optional<long> count;
-  if (n * std::log2(n) * node_cost <= effort) count = count_by_tree(comm, s, a, height, places);
+  // the tree knows equal links
+  if (!s.scene.medium.links_differ() && n * std::log2(n) * node_cost <= effort)
+    count = count_by_tree(comm, s, a, height, places);
   // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is
   // high.
   if (!count && 120 * n * n <= effort)

@@ -27,7 +27,9 @@ Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
   row_sum_.assign(size(), 0);
   for (std::size_t i = 0; i < size(); ++i) {
     const PetscInt g = node[i];
-    if (g >= s.order && g < s.n - s.order) {
+    if (s.medium.links_differ()) {
+      add_link_row(s, g);
+    } else if (g >= s.order && g < s.n - s.order) {
       for (PetscInt j = -half; j <= half; ++j)
         terms_.push_back({std::size_t(g + j - before), -scale * w[std::abs(j)]});
     } else {
@@ -40,6 +42,25 @@ Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
     }
     close_row();
   }
+}
+
+// Row of node g, with its values of equal links beside it.
+void Coupling::add_link_row(const Scene& s, PetscInt g) {
+  const PetscInt before = node.front();
+  const double unit = s.mean_K1() > 0 ? 1 / s.mean_K1() : 0;
+  const Combination equal = second_difference_row(s, g), own = coupling_row(s, g);
+  double own_sum = 0, equal_sum = 0;
+  for (std::size_t k = 0; k < own.size(); ++k) {  // of order 2 both have the same nodes
+    if (s.held(own[k].first)) {
+      own_sum += unit * own[k].second;
+      equal_sum += equal[k].second;
+    } else {
+      terms_.push_back({std::size_t(own[k].first - before), -unit * own[k].second});
+      plain_.push_back(-equal[k].second);
+    }
+  }
+  row_sum_[starts_.size() - 1] = own_sum;
+  plain_sum_.push_back(equal_sum);
 }
 
 void Coupling::close_row() {
@@ -56,6 +77,7 @@ Coupling Coupling::segment(std::size_t first, std::size_t count) const {
   cut(part.node, node);
   cut(part.weight, weight);
   cut(part.row_sum_, row_sum_);
+  if (!plain_.empty()) cut(part.plain_sum_, plain_sum_);
   part.symmetric = symmetric;
   for (std::size_t i = 0; i < count; ++i) {
     for (const Term& t : row(first + i)) {
@@ -64,13 +86,26 @@ Coupling Coupling::segment(std::size_t first, std::size_t count) const {
       else
         part.terms_.push_back({t.column - first, t.value});
     }
+    for (std::size_t k = starts_[first + i]; k < starts_[first + i + 1] && !plain_.empty(); ++k) {
+      const std::size_t column = terms_[k].column;
+      if (column < first || column >= first + count)
+        part.plain_sum_[i] -= plain_[k];
+      else
+        part.plain_.push_back(plain_[k]);
+    }
     part.close_row();
   }
   return part;
 }
 
-std::vector<Complex> Coupling::minus_d2(const std::vector<Complex>& p) const {
+std::vector<Complex> Coupling::minus_d2(const std::vector<Complex>& p, bool plain) const {
   std::vector<Complex> y(size());
+  for (std::size_t i = 0; i < size() && plain && !plain_.empty(); ++i) {
+    y[i] = plain_sum_[i] * p[i];
+    for (std::size_t k = starts_[i]; k < starts_[i + 1]; ++k)
+      y[i] += plain_[k] * (p[terms_[k].column] - p[i]);
+  }
+  if (plain && !plain_.empty()) return y;
   for (std::size_t i = 0; i < size(); ++i) {
     y[i] = row_sum_[i] * p[i];
     for (const Term& t : row(i)) y[i] += t.value * (p[t.column] - p[i]);

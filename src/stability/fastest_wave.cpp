@@ -72,6 +72,7 @@ bool slides_at_v(const Scene& s) {
 }
 
 std::optional<LinearPoint> sliding_medium(const Scene& s) {
+  if (s.medium.varies()) return std::nullopt;
   const auto friction = Friction::of(s.friction);
   const double state = friction->steady_state(s.v);
   if (!std::isfinite(state) || (s.v == 0 && friction->sticks)) return std::nullopt;

@@ -46,8 +46,11 @@ bool GrowthRate::enters() const {
     return true;
   for (std::size_t i = 0; i < a->size(); ++i) {
     const LinearPoint p = a->point(i), q = b->point(i);
-    if (!(p == q) || p.beta() != q.beta()) return true;
+    if (!(p == q) || p.beta() != q.beta() || p.A != q.A || p.K0 != q.K0) return true;
   }
+  const PetscInt last = a->scene.medium.links_differ() ? a->scene.n : 0;
+  for (PetscInt i = 0; i < last; ++i)
+    if (a->scene.link(i) != b->scene.link(i)) return true;
   return false;
 }
 
@@ -136,11 +139,12 @@ void GrowthRate::seek(double x, double y) {
 
 GrowthRate::Place GrowthRate::place_of(const LinearisedOperator& s, double x, double y) {
   const double slow = s.rate_of(s.K0), fast = s.rate_of(s.largest_stiffness());
-  const double unit = s.scene.massless() ? slow / s.mean().beta() : s.A;
+  const double massless_unit = s.scene.massless() ? slow / s.mean().beta() : 0;
   Place place{x, y, slow * slow, fast * fast, {}, {}, {}};
   if (s.N > 0) place.drag.push_back(s.viscous_rate());
   for (std::size_t i = 0; i < s.size(); ++i) {
-    place.drag.push_back(unit * s.point(i).slow_beta());
+    const LinearPoint p = s.point(i);
+    place.drag.push_back((s.scene.massless() ? massless_unit : p.A) * p.slow_beta());
     if (s.has_state()) place.r.push_back(s.point(i).r());
   }
   return place;

@@ -6,6 +6,7 @@
 #include "base/failure.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
@@ -27,12 +28,23 @@ void LinearisedOperator::put(const NodeVector& v, std::size_t i, std::vector<Com
 }
 
 LinearisedOperator::LinearisedOperator(const SteadySliding& s)
-    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene),
-      medium_(scene), mean_(scene) {
+    : scene(s.scene), A(0), K0(0), K1(scene.mean_K1()), N(scene.N()), coupling(scene),
+      medium_(scene.averaged()), mean_(medium_) {
   slopes_.reserve(coupling.size());
   for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[i]);
-  uniform = std::all_of(slopes_.begin(), slopes_.end(),
-                        [&](const FrictionSlopes& f) { return f == slopes_.front(); });
+  if (scene.medium.nodes_differ())
+    for (const PetscInt i : coupling.node) nodes_.push_back(scene.coefficients(i));
+  for (const NodeCoefficients& c : nodes_) {
+    A = std::max(A, c.A);
+    K0 = std::max(K0, c.K0);
+  }
+  if (nodes_.empty()) {
+    A = medium_.A;
+    K0 = medium_.K0;
+  }
+  uniform =
+      !scene.medium.varies() && std::all_of(slopes_.begin(), slopes_.end(),
+                                            [&](const FrictionSlopes& f) { return f == slopes_.front(); });
   for (std::size_t i = 0; i < size() && scene.massless(); ++i)
     if (const double resistance = point(i).beta(); !(resistance > 0))
       throw failure(
@@ -60,6 +72,8 @@ LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::siz
     : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N),
       coupling(whole.coupling.segment(first, count)), uniform(false), medium_(whole.medium_),
       mean_(whole.medium_), slopes_(whole.slopes_.begin() + first, whole.slopes_.begin() + first + count) {
+  if (!whole.nodes_.empty())
+    nodes_.assign(whole.nodes_.begin() + first, whole.nodes_.begin() + first + count);
   if (size() > 0) mean_ = find_mean();
 }
 
@@ -73,7 +87,10 @@ LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t co
 std::vector<Complex> LinearisedOperator::apply(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> y = coupling.minus_d2(p);
   const Complex coupled = coupling_factor(lambda);
-  for (std::size_t i = 0; i < size(); ++i) y[i] = (point(i).diagonal(lambda) + K0) * p[i] + coupled * y[i];
+  for (std::size_t i = 0; i < size(); ++i) {
+    const LinearPoint m = point(i);
+    y[i] = (m.diagonal(lambda) + m.K0) * p[i] + coupled * y[i];
+  }
   return y;
 }
 
@@ -96,7 +113,8 @@ void LinearisedOperator::assemble(Complex lambda, Complex factor, BandLU& lu) co
   lu.reset(size(), coupling.band(), coupling.band());
   for (std::size_t i = 0; i < size(); ++i) {
     const std::size_t row = coupling.position(i);
-    lu.add(row, row, factor * (point(i).diagonal(lambda) + K0));
+    const LinearPoint m = point(i);
+    lu.add(row, row, factor * (m.diagonal(lambda) + m.K0));
   }
   coupling.add_to(lu, factor * coupling_factor(lambda));
 }
@@ -152,7 +170,7 @@ std::vector<Complex> LinearisedOperator::multiply(const std::vector<Complex>& x)
     const NodeBlock b = point(i).block(Part::full);
     put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state - A * N * stencil[i],
          b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state -
-             (K1 - scene.s_delta() * N) * stencil[i],
+             (K1 - medium_.s_delta * N) * stencil[i],
          b.state_psi * v.psi + b.state_state * v.state},
         i, y);
   }
@@ -169,7 +187,7 @@ std::vector<LinearisedOperator::Entry> LinearisedOperator::entries() const {
     for (std::size_t k = 0; k < d * d; ++k)
       if (rows[k] != 0) e.push_back({i * d + k / d, i * d + k % d, rows[k]});
     for (const Coupling::Term& t : coupling.row(i)) {
-      e.push_back({i * d + 1, t.column * d, (scene.s_delta() * N - K1) * t.value});
+      e.push_back({i * d + 1, t.column * d, (medium_.s_delta * N - K1) * t.value});
       if (N > 0) e.push_back({i * d, t.column * d, -A * N * t.value});
     }
   }
@@ -237,7 +255,7 @@ double LinearisedOperator::largest_symbol() const {
 
 double LinearisedOperator::wavenumber(const std::vector<Complex>& p) const {
   if (K1 == 0) return 0;
-  const std::vector<Complex> d = coupling.minus_d2(p);
+  const std::vector<Complex> d = coupling.minus_d2(p, true);
   const double h = spacing();
   double above = 0, below = 0;
   for (std::size_t i = 0; i < size(); ++i) {
@@ -260,8 +278,9 @@ double LinearisedOperator::dispersion_error(double k) const {
 }
 
 LinearPoint LinearisedOperator::find_mean() const {
-  LinearPoint m = point(0);
-  if (uniform) return m;
+  if (uniform) return point(0);
+  LinearPoint m = medium_;
+  m.set(slopes_[0]);
   double F_psi = 0, q = 0, r = 0;  // over those of the first node
   for (std::size_t i = 0; i < size(); ++i) {
     const LinearPoint p = point(i);
@@ -310,6 +329,7 @@ std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
 // Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0
 // - K1 D2, with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
 double LinearisedOperator::imaginary_bound() const {
+  if (scene.medium.varies() && symmetric() && !has_state()) return wave_frequency(scene);
   // without mass: of none, all are real
   if (symmetric() && !has_state()) return rate_of(largest_stiffness());
   const double stiff = K0 + K1 * coupling.largest_row();
@@ -337,17 +357,18 @@ double LinearisedOperator::massless_bound(double stiff, double r, double q) cons
 }
 
 // Oscillating modes grow at -1/2 of a weighted mean of the damping C - A N D2; real ones obey lambda^2 + C
-// lambda + A K = 0 with C such a mean and K >= K0.
+// lambda + A K = 0 with C such a mean and K >= K0. (Of unequal masses the means have the weight |psi|^2/A.)
 double LinearisedOperator::real_bound() const {
   if (!symmetric() || has_state()) return imaginary_bound();
   if (scene.massless()) return 0;  // K0 - K1 D2 is not negative
-  double low = point(0).damping(), high = low;
+  double low = point(0).damping(), high = low, least = A * K0;
   for (std::size_t i = 1; i < size(); ++i) {
     low = std::min(low, point(i).damping());
     high = std::max(high, point(i).damping());
   }
+  for (const NodeCoefficients& c : nodes_) least = std::min(least, c.A * c.K0);
   high += viscous_rate();
-  const double pull = 4 * A * K0;
+  const double pull = 4 * least;
   double bound = -low / 2;
   if (low < 0 && low * low >= pull)
     bound = std::max(bound, (-low + std::sqrt(low * low - pull)) / 2);

@@ -59,18 +59,21 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
   // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r) - N D2) p) + K
   const std::vector<Complex> d = s.coupling.minus_d2(p);
   std::vector<Complex> wp(n);
-  Complex m = 0, drag = 0, K = 0;
+  Complex m = 0, drag = 0, K = 0, pull = 0;  // m: over A, pull: the K0
   double weight = 0, drags = 0;
+  const bool differ = s.scene.medium.nodes_differ();
   for (std::size_t i = 0; i < n; ++i) {
     wp[i] = w[i] * p[i];
-    m += wp[i];
-    drag += wp[i] * s.point(i).beta();
+    const LinearPoint at = s.point(i);
+    m += wp[i] * (differ ? s.A / at.A : 1);
+    pull += wp[i] * at.K0;
+    drag += wp[i] * at.beta();
     K += w[i] * d[i];
     weight += std::abs(wp[i]);
     drags += std::abs(wp[i]) * std::abs(s.point(i).beta());
   }
   drag += s.N * K;
-  K = s.K0 * m + s.K1 * K;
+  K = (differ ? pull : s.K0 * m) + s.K1 * K;
   for (int k = 0; k < 8; ++k) {
     Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;
     double size = 2 * std::abs(lambda) / s.A * weight + drags;

@@ -14,7 +14,10 @@
 
 namespace stickslip {
 
-bool has_energy(const LinearisedOperator& J) { return J.symmetric() && !J.neutral() && !J.scene.massless(); }
+// Of unequal masses psi has none: A (K0 - K1 D2) is not symmetric.
+bool has_energy(const LinearisedOperator& J) {
+  return J.symmetric() && !J.neutral() && !J.scene.massless() && !J.scene.medium.profile("model_m");
+}
 
 EnergyNorm::EnergyNorm(const LinearisedOperator& J) : J_(J) { J.factor(0, stiffness_); }
 
@@ -123,7 +126,7 @@ double band_abscissa(const LinearisedOperator& J) {
       add(i, 0, j, 2, M * block[j].psi_state / 2);
       add(j, 2, i, 0, M * block[j].psi_state / 2);
     };
-    coupled(i, J.K0);
+    coupled(i, J.point(i).K0);
     for (const Coupling::Term& t : J.coupling.row(i)) coupled(t.column, J.K1 * t.value);
     add(i, 1, i, 0, w * block[i].eta_psi / 2);
     add(i, 1, i, 1, w * block[i].eta_eta, w);

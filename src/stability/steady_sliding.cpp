@@ -18,21 +18,22 @@ namespace {
 double put_layers(const Scene& s, std::vector<double>& psi) {
   for (const PetscInt i : {PetscInt(0), s.n - 1})
     if (s.held(i)) psi[i] = i == 0 ? s.left_value : s.right_value;
-  if (s.K1() == 0 || std::all_of(psi.begin(), psi.end(), [&](double x) { return x == s.v; })) return 0;
+  if (s.mean_K1() == 0 || std::all_of(psi.begin(), psi.end(), [&](double x) { return x == s.v; })) return 0;
   const Coupling coupling(s);
   const std::size_t n = coupling.size();
   if (n == 0) return 0;
+  const auto K0 = [&](std::size_t i) { return s.coefficients(coupling.node[i]).K0; };
   std::vector<Complex> b(n, Complex(0));
   for (std::size_t i = 0; i < n; ++i) {
     const PetscInt g = coupling.node[i];
     if (g >= s.order && g < s.n - s.order) continue;
-    for (const auto& [column, value] : second_difference_row(s, g))
-      if (s.held(column)) b[i] += s.K1() * value * (psi[column] - s.v);
+    for (const auto& [column, value] : coupling_row(s, g))
+      if (s.held(column)) b[i] += value * (psi[column] - s.v);
   }
   BandLU lu;
   lu.reset(n, coupling.band(), coupling.band());
-  for (std::size_t i = 0; i < n; ++i) lu.add(coupling.position(i), coupling.position(i), s.K0());
-  coupling.add_to(lu, s.K1());
+  for (std::size_t i = 0; i < n; ++i) lu.add(coupling.position(i), coupling.position(i), K0(i));
+  coupling.add_to(lu, s.mean_K1());
   if (!std::isfinite(lu.factor().log_abs)) throw Failure("no steady sliding: its equation is singular");
   std::vector<Complex> u = b;
   coupling.solve(lu, u);
@@ -40,7 +41,7 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
   double residual = 0;
   for (std::size_t i = 0; i < n; ++i) {
     psi[coupling.node[i]] = s.v + u[i].real();
-    residual = std::max(residual, std::abs(b[i] - s.K0() * u[i] - s.K1() * image[i]));
+    residual = std::max(residual, std::abs(b[i] - K0(i) * u[i] - s.mean_K1() * image[i]));
   }
   return residual;
 }
@@ -77,7 +78,7 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(s.n, s.v) {
     const RatePartials g = friction->rate_partials(psi[i], x);
     for (double* part : {&f.F, &f.F_psi, &f.F_state}) *part *= amplitude[i];
     slopes[i] = {f.F_psi, f.F_state, g.g_psi, g.g_state};
-    eta[i] = s.B() * psi[i] + f.F - viscous_force(s, psi, i);
+    eta[i] = s.coefficients(PetscInt(i)).B * psi[i] + f.F - viscous_force(s, psi, i);
     if (friction->has_state) state[i] = x;
     if (!std::isfinite(eta[i]) || !std::isfinite(f.F_psi))
       throw Failure("no steady sliding: the friction at psi = " + rounded_text(psi[i], 6) + " is not finite");

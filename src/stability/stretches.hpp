@@ -135,12 +135,14 @@ struct Rows {
 // eps_i), eps_i divided by that factor: the stencil stays what it is, and the factor, n times, is known.
 class Symbol {
  public:
-  Symbol(const Rows& rows, const ContourPiece& piece) : s_(rows.s), unit_(rows.unit) {
+  Symbol(const Rows& rows, const ContourPiece& piece)
+      : s_(rows.s), unit_(rows.unit), own_nodes_(s_.scene.medium.nodes_differ()) {
     for (int t = 0; t < P && s_.N > 0; ++t) stiffer_.put(t, 1. / viscous_factor(s_, piece.at(table().x[t])));
     for (int t = 0; t < P; ++t) {
       const Complex lambda = piece.at(table().x[t]);
       z_.put(t, lambda);
       plain_.put(t, unit_ * (s_.K0 + lambda * lambda / s_.A));
+      squares_.put(t, unit_ * lambda * lambda);
     }
   }
   // J is taken in units of this, so that q and J are alike in size.
@@ -152,9 +154,17 @@ class Symbol {
   void at(std::size_t i, Values& eps) const {
     const LinearPoint p = s_.point(i);
     const double beta = unit_ * p.beta();
-    for (int t = 0; t < P; ++t) {
-      eps.re[t] = plain_.re[t] + beta * z_.re[t];
-      eps.im[t] = plain_.im[t] + beta * z_.im[t];
+    if (own_nodes_) {
+      const double K0 = unit_ * p.K0, per_A = 1 / p.A;
+      for (int t = 0; t < P; ++t) {
+        eps.re[t] = K0 + squares_.re[t] * per_A + beta * z_.re[t];
+        eps.im[t] = squares_.im[t] * per_A + beta * z_.im[t];
+      }
+    } else {
+      for (int t = 0; t < P; ++t) {
+        eps.re[t] = plain_.re[t] + beta * z_.re[t];
+        eps.im[t] = plain_.im[t] + beta * z_.im[t];
+      }
     }
     if (p.has_state) add_state(p, eps);
     if (s_.N > 0) multiply(eps, stiffer_);
@@ -177,8 +187,9 @@ class Symbol {
 
   const LinearisedOperator& s_;
   double unit_;
-  Values z_, plain_;  // lambda; lambda^2/A + K0, in the unit
-  Values stiffer_;    // one over the factor, where there is viscosity
+  bool own_nodes_;              // with A and K0 of their own
+  Values z_, plain_, squares_;  // lambda; lambda^2/A + K0, and lambda^2, in the unit
+  Values stiffer_;              // one over the factor, where there is viscosity
 };
 
 // The stretches of the line: map and log of the level. False where they are not settled on this piece.

@@ -151,7 +151,7 @@ std::optional<Matrix> whole_matrix(const LinearisedOperator& s) {
   const std::size_t n = s.size(), d = s.dof(), m = n * d;
   Matrix stiffness = Matrix::Zero(n, n);  // its lower triangle
   for (std::size_t i = 0; i < n; ++i) {
-    stiffness(i, i) = s.coupling.weight[i] * s.K0;
+    stiffness(i, i) = s.coupling.weight[i] * s.point(i).K0;
     for (const Coupling::Term& t : s.coupling.row(i))
       if (t.column <= i) stiffness(i, t.column) += s.coupling.weight[i] * s.K1 * t.value;
   }

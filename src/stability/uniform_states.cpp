@@ -29,7 +29,7 @@ void find_growth(const Scene& scene, UniformState& u) {
 }  // namespace
 
 bool has_uniform_states(const Scene& s) {
-  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() &&
+  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() && !s.medium.varies() &&
          s.left != End::velocity && s.right != End::velocity;
 }
 

@@ -44,7 +44,10 @@ class GridLadder final : public Ladder {
   double order_beyond() const;       // expected between the last two levels,
   double order_behind_jump() const;
   // Where the solution jumps, or friction jumps or bends.
-  std::string profile_word() const { return request_.corner_order == 1 ? "jumps" : "bends"; }
+  std::string profile_word() const {
+    const std::string what = request_.scene.medium.varies() ? "what differs " : "friction ";
+    return what + (request_.corner_order == 1 ? "jumps" : "bends");
+  }
   bool low_order() const { return runs_.jump() || request_.corner_order <= 2; }
   double next_order() const;  // and beyond the last
   double predicted_error(double cells) const;
@@ -370,7 +373,7 @@ void GridLadder::give_up_on(const PredictedError& ahead, const std::string& limi
   throw OutOfReach{fmt::format(
       "on {} nodes the error is about {:.2g} and {}, as it does at {}{}; {}", levels_.back().scene.n,
       ahead.error, last < 0.3 ? "does not fall from grid to grid" : fmt::format("falls like h^{:.2g}", last),
-      request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : "",
+      request_.corner_order <= 2 ? "places where " + profile_word() + " and " : "",
       last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved",
       limit)};
 }
@@ -483,7 +486,7 @@ void GridLadder::refine() {
 std::string GridLadder::predicted() const {
   return fmt::format("; error predicted in time {:.2g}, in space {:.2g} (falling like h^{:.2g}{})", in_time_,
                      in_space_, order_beyond(),
-                     request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x" : "");
+                     request_.corner_order <= 2 ? ", as " + profile_word() + " along x" : "");
 }
 
 }  // namespace

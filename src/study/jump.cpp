@@ -118,7 +118,9 @@ double Jump::least_cells(int order, double t) const {
 }
 
 std::optional<double> Jump::height(const Options& options, const Setting& setting) const {
-  if (scene_.c * options.real("ts_max_time") > scene_.length || scene_.laws_differ()) return std::nullopt;
+  if (scene_.c * options.real("ts_max_time") > scene_.length || scene_.laws_differ() ||
+      scene_.medium.varies())
+    return std::nullopt;
   const std::string end = from_left_ ? "bc_left" : "bc_right";
   Setting ahead = setting;
   ahead.n = std::min(setting.n, most_nodes_ahead);

@@ -37,12 +37,12 @@ double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, cons
 }
 
 bool is_uniform(const Options& options, const Scene& scene) {
-  return scene.same_friction() && options.text("init_type") == "uniform" && scene.left != End::velocity &&
+  return scene.nodes_alike() && options.text("init_type") == "uniform" && scene.left != End::velocity &&
          scene.right != End::velocity && options.real("init_noise") == 0;
 }
 
 double corner_distance_of(const Options& options, const Scene& scene) {
-  double distance = scene.same_friction() ? 0 : scene.friction_length();
+  double distance = scene.nodes_alike() ? 0 : scene.friction_length();
   if (options.real("init_noise") != 0)
     distance = std::min(distance > 0 ? distance : HUGE_VAL, options.real("init_noise_length"));
   return distance;

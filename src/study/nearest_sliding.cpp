@@ -32,7 +32,7 @@ double steps_seconds(double unknowns, long evaluations) {
 // So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, is
 // forgotten behind them; the whole line where nothing makes it fall.
 PetscInt nodes_of_layer(const Scene& s) {
-  if (s.K0() == 0 || s.K1() == 0) return s.n;
+  if (s.medium.varies() || s.K0() == 0 || s.K1() == 0) return s.n;
   const double nodes = nodes_to_forget(s) + 4 * s.order;
   return nodes < double(s.n) ? static_cast<PetscInt>(nodes) : s.n;
 }

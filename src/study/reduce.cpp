@@ -16,7 +16,7 @@
 namespace stickslip {
 
 PetscInt promised_cells(const Scene& scene, const Options& options) {
-  if (!scene.same_friction() || options.real("init_noise") != 0) return 1;
+  if (!scene.nodes_alike() || options.real("init_noise") != 0) return 1;
   if (scene.left == End::velocity || scene.right == End::velocity) return 1;
   const std::string type = options.text("init_type");
   PetscInt cells = 1;

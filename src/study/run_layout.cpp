@@ -31,6 +31,14 @@ void add_profiles(const Scene& scene, RunLayout& layout) {
         {{"friction_amplitude", "1", "amplitude of friction"}, [scene](std::int64_t node) {
            return friction_amplitude(scene, static_cast<PetscInt>(node), 1).front();
          }});
+  for (const auto& [name, profile] : scene.medium.profiles) {
+    const bool springs = name == "model_k1";
+    const std::string unit = find_option(name)->unit;
+    const Field field{name, unit.empty() ? "1" : unit, name + (springs ? " behind the block" : " along x")};
+    layout.profiles.push_back({field, [scene, springs, here = profile](std::int64_t node) {
+                                 return here.at(scene.x(static_cast<PetscInt>(node)) + (springs ? 0.5 : 0));
+                               }});
+  }
   for (const auto& [name, profile] : scene.friction.profiles) {
     const std::string unit = find_option(name)->unit;
     const Field field{name, unit.empty() ? "1" : unit, name + " along x"};
@@ -60,12 +68,18 @@ RunLayout run_layout(const Scene& scene) {
   layout.x = [scene](std::int64_t node) { return scene.x(static_cast<PetscInt>(node)); };
   layout.fields = {standard_field("psi"), standard_field("eta")};
   if (scene.friction.has_state()) layout.fields.push_back(standard_field(state_name(scene.friction.state)));
-  layout.numbers = {{"A", scene.A()},
-                    {"B", scene.B()},
-                    {"K0", scene.K0()},
-                    {"K1", scene.K1()},
-                    {"s_delta", scene.s_delta()},
-                    {"v", scene.v}};
+  layout.numbers = {{"v", scene.v}};
+  const NodeCoefficients c = scene.coefficients(0);
+  const auto add = [&](const char* name, std::initializer_list<const char*> of, double value) {
+    for (const char* option : of)
+      if (scene.medium.profile(option)) return;  // there is no one number
+    layout.numbers[name] = value;
+  };
+  add("A", {"model_m"}, c.A);
+  add("B", {"model_zeta"}, c.B);
+  add("K0", {"model_k0"}, c.K0);
+  add("K1", {"model_k1", "model_c"}, scene.mean_K1());
+  add("s_delta", {"model_delta"}, c.s_delta);
   add_profiles(scene, layout);
   add_load(scene, layout);
   if (scene.friction.varies()) return layout;  // no one law for all

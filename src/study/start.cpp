@@ -37,7 +37,7 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
     warn("the start does not fit the held end: psi jumps by " + number_text(misfit[0]) +
          " there, and the jump runs inwards without smoothing; expect convergence like h^(p/(p+1)), p = " +
          order + ", behind it and none at it (init_type layer fits)");
-  } else if (!model.viscous() && misfit[1] > 1e-8 * model.scene().A() * scale) {
+  } else if (!model.viscous() && misfit[1] > 1e-8 * model.scene().averaged().A() * scale) {
     warn("the start does not fit the held end: psi_t = " + number_text(misfit[1]) +
          " there instead of 0, a corner that runs inwards; expect convergence like h^(2p/(p+1)), p = " +
          order + " (init_eta steady fits)");
@@ -71,7 +71,7 @@ void set_held_force(const Model& model, Vec u) {
   const Writing a(u);
   for (int k = 0; k < 2; ++k)
     if (model.held(ends[k]) && is_here(ends[k]))
-      a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
+      a[(ends[k] - model.first()) * model.dof() + 1] = s.link(k == 0 ? 0 : s.n - 2) * beside[k];
 }
 
 // eta at which psi_t = 0, where it was that without viscosity between neighbours.
@@ -233,7 +233,7 @@ struct Start::Impl {
       if (!std::isfinite(here)) has_state = false;
       if (dof == 3) at[2] = here;
       const double resistance =
-          follows_friction || held_end ? s.B() * psi + model.friction(i, psi, here).F : 0;
+          follows_friction || held_end ? model.coefficients(i).B * psi + model.friction(i, psi, here).F : 0;
       at[1] = eta_at(phase, node, resistance);
       if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
     }

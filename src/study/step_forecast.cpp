@@ -174,7 +174,7 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
 }
 
 void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit) {
-  const Scene& s = model.scene();
+  const Scene s = model.scene().averaged();
   std::vector<Slopes> friction = friction_extremes(model, u);
   least_slope_ = friction[0].F.F_psi;
   // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle
@@ -182,7 +182,10 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
   const double rising = model.slope_bounds().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
-  const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+  double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+  // the fastest wave where it is fastest, in the mean medium
+  if (model.scene().medium.varies() && largest > 0 && s.K1() > 0)
+    largest = (std::pow(model.wave_frequency(), 2) / s.A() - s.K0()) / s.K1();
   for (const Slopes& f : friction)
     for (const double part : {0., 0.25, 0.5, 0.75, 1.})
       add_wave(LinearPoint(s, f.F, f.g), implicit, largest * part, false, false);
@@ -191,7 +194,7 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
 void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit) {
   const std::optional<Slopes> slopes = slopes_of_sliding(model);
   if (!slopes) return;
-  const LinearPoint medium(model.scene(), slopes->F, slopes->g);
+  const LinearPoint medium(model.scene().averaged(), slopes->F, slopes->g);
   const Waves all = Waves::of(model.scene()), resolved = all.resolved(model.scene());
   const auto fastest = fastest_wave(medium, all, same_growth(medium));
   if (!fastest) return;
@@ -425,7 +428,7 @@ bool solves_friction(const Integrator& integrator) {
 void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt,
                                StepForecast& forecast) {
   if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
-  const Scene& s = model.scene();
+  const Scene s = model.scene().averaged();
   if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
   const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
   // the motion stays clear of weakening friction

@@ -147,7 +147,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
 Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta,
                             std::vector<double> state) {
   Fields fields{std::move(psi), std::move(eta), {}, {}};
-  if (scene.same_friction() || scene.form == Form::chain) return fields;
+  if (scene.nodes_alike() || scene.form == Form::chain) return fields;
   const FrictionAt friction(scene, positions(scene, 0, scene.n));
   for (std::size_t i = 0; i < fields.psi.size(); ++i)
     fields.friction.push_back(friction.force(i, fields.psi[i], state.empty() ? 0 : state[i]));
@@ -175,7 +175,7 @@ bool has_grid_limit(const Options& options, const Scene& scene) {
 }
 
 std::vector<int> possible_orders(const Scene& scene) {
-  if (scene.form == Form::chain) return {2};
+  if (scene.form == Form::chain || scene.medium.links_differ()) return {2};
   if (scene.left == End::velocity || scene.right == End::velocity) return {2, 4, 6};
   return {2, 4, 6, 8};
 }

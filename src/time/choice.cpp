@@ -33,7 +33,7 @@ double friction_rate_ahead(const Model& model, Vec u) {
   const Scene& s = model.scene();
   const SlopeBounds ahead = model.slope_bounds();
   const double steepest = std::max(ahead.falling, ahead.rising);
-  if (steepest > 0) rate = std::max(rate, s.A() * (s.B() + steepest));
+  if (steepest > 0) rate = std::max(rate, model.largest_resistance(steepest));
   if (model.dof() == 3 && s.v != 0) {
     double fastest = 0;
     for (PetscInt i = 0; i < (s.friction.varies() ? model.local() : 1); ++i)
@@ -150,9 +150,11 @@ bool tunes_solvers(const std::string& prefix) {
 }
 
 // What has steps of its own: rk, arkimex whatever is implicit, rosw with friction, and leapfrog, which is
-// nothing else.
-bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
+// nothing else. The bands of what couples nodes are alike along x, and so is the Rosenbrock step: where a
+// `medium` differs, the library's own steps take these.
+bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix, bool medium) {
   if (type == TSRK || type == leapfrog_type) return true;
+  if (medium && (type != TSARKIMEX || implicit != Implicit::friction)) return false;
   const bool split =
       type == TSARKIMEX ? implicit != Implicit::none : type == TSROSW && implicit == Implicit::friction;
   return split && !tunes_solvers(prefix);
@@ -261,7 +263,8 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
       choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
   choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
-  if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
+  if (choice.fused)
+    choice.fused = can_be_fused(choice.type, choice.implicit, prefix, model.scene().medium.varies());
   if (choice.named_fused && !choice.fused)
     throw usage_error(
         "ts_type {}: it solves what is implicit by a solver of its own; use ts_type {}, or imex_implicit "

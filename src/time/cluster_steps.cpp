@@ -21,9 +21,9 @@ constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by t
 ClusterSteps::ClusterSteps(const Model& model, double atol, double rtol)
     : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
       both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)), atol_(atol),
-      rtol_(rtol), N_(scene_.N()), K1_(scene_.K1()), method_(FusedMethod::of(TSRK)),
+      rtol_(rtol), N_(scene_.N()), K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
-      stencil_(tile::stencil(scene_)),
+      links_(links_along(scene_, 0, scene_.n)), stencil_(tile::stencil(scene_, links_)),
       pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   if (halts(scene_)) coefficients_.v = 0;  // as long as there is a cluster
@@ -88,7 +88,7 @@ void ClusterSteps::take_slope(Cluster& c, double t, double* u, double* f) {
   kernel::Coefficients coefficients = coefficients_;
   if (loaded_) coefficients.v = scene_.load.in_piece(scene_.load.piece_from(c.t0), t);
   close_ends(c, u + psi);
-  stencil_(coefficients, {u + psi, f + eta, c.count});
+  if (links_.empty()) stencil_(coefficients, {u + psi, f + eta, c.count});
   const double* driving = u + eta;
   if (N_ > 0) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
     d2_.assign(f + eta, f + eta + count);
@@ -102,6 +102,7 @@ void ClusterSteps::take_slope(Cluster& c, double t, double* u, double* f) {
   for (PetscInt k = 0, end; k < c.count; k = end) {  // the nodes of a ring go on at its beginning
     const PetscInt i = node(c, k);
     end = std::min(c.count, k + scene_.n - i);
+    if (!links_.empty()) stencil_(coefficients, {u + psi + k, f + eta + k, end - k, i});
     pointwise_(coefficients, {u + psi + k, driving + k, dof_ == 3 ? u + state + k : nullptr,
                               c.amplitude.empty() ? nullptr : &c.amplitude[k], f + psi + k, f + eta + k,
                               dof_ == 3 ? f + state + k : nullptr, end - k, &c.direction[k], i});

@@ -100,6 +100,7 @@ class ClusterSteps {
   std::vector<double> stage_times_;    // in parts of a step
   kernel::Coefficients coefficients_;
   std::array<std::vector<Combination>, 2> ends_;  // of a line: the nodes beyond each
+  std::vector<double> links_;                     // where they differ (links_along)
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
   std::function<void(const kernel::Terms&)> add_;

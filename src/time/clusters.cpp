@@ -34,7 +34,8 @@ Clusters::Clusters(const Model& model, Plate& plate, double atol, double rtol)
       steps_(model, atol, rtol),
       resting_(model, [this](PetscInt i, double s) { return steps_.threshold(i, s); }), psi_(n_),
       direction_(n_, 0), owner_(n_, -1), coefficients_(kernel::coefficients_with(scene_, 1)),
-      psi_rate_(model.viscous() ? n_ : 0), first_dt_(0.1 / wave_frequency(scene_)) {}
+      links_(links_along(scene_, 0, n_)), psi_rate_(model.viscous() ? n_ : 0),
+      first_dt_(0.1 / wave_frequency(scene_)) {}
 
 void Clusters::start(Vec u, double t) {
   if (halts_) plate_.set(model_, t, t, false);
@@ -190,6 +191,19 @@ double Clusters::second_difference(PetscInt i, const std::vector<double>& of) co
   return value;
 }
 
+// The rate of eta of a node, psi = 0, by its neighbours.
+double Clusters::elastic_rate(PetscInt i) const {
+  if (links_.empty()) return scene_.K1() * second_difference(i, psi_);
+  const auto beside = [&](PetscInt at) {
+    if (ring_ || (at >= 0 && at < n_)) return psi_[wrapped(at)];
+    double value = 0;
+    for (const auto& [inside, weight] : halo_node(scene_, at)) value += weight * psi_[inside];
+    return value;
+  };
+  const double around[3] = {beside(i - 1), psi_[i], beside(i + 1)};
+  return kernel::link_sum(&links_[std::size_t(i)], around + 1);
+}
+
 // The force that is held against the threshold of a free node.
 double Clusters::force(PetscInt i) const {
   const double eta = resting_.last_eta(i);
@@ -198,8 +212,8 @@ double Clusters::force(PetscInt i) const {
 
 // Its rate, of a node at rest.
 double Clusters::force_rate(PetscInt i) const {
-  const double driving = halts_ && !lets_go_ ? 0 : resting_.rate(t_);
-  const double rate = driving + scene_.K1() * second_difference(i, psi_);
+  const double driving = halts_ && !lets_go_ ? 0 : resting_.rate(i, t_);
+  const double rate = driving + elastic_rate(i);
   if (!model_.viscous()) return rate;
   const PetscInt order = scene_.order;
   for (PetscInt k = i - order; k <= i + order; ++k) {

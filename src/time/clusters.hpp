@@ -92,6 +92,7 @@ class Clusters {
   bool seen_beyond(End end, PetscInt from_end) const;
   bool anchored(PetscInt i) const;
   double second_difference(PetscInt i, const std::vector<double>& of) const;
+  double elastic_rate(PetscInt i) const;
   double force(PetscInt i) const;
   double force_rate(PetscInt i) const;
 
@@ -136,6 +137,7 @@ class Clusters {
   std::vector<signed char> direction_;
   std::vector<int> owner_;             // cluster, -1: none
   kernel::Coefficients coefficients_;  // of D2
+  std::vector<double> links_;          // where they differ (links_along)
   mutable std::vector<double> psi_rate_;
   std::array<std::vector<double>, 4> viscous_;
 

@@ -29,10 +29,11 @@ void Equations::subtract_load_rate(TS ts, Vec f) const {
   SS_TRY(TSGetTime(ts, &begin));
   SS_TRY(TSGetTimeStep(ts, &dt));
   const Scene& s = model_.scene();
-  const double more = s.K0() * rates_[stage_] * dt * plate_acceleration(model_, begin);
+  const double acceleration = plate_acceleration(model_, begin);
   const Writing a(f);
   for (PetscInt i = 0; i < model_.local(); ++i)
-    if (s.form == Form::chain || !model_.held(model_.first() + i)) a[i * model_.dof() + 1] -= more;
+    if (s.form == Form::chain || !model_.held(model_.first() + i))
+      a[i * model_.dof() + 1] -= model_.coefficients(i).K0 * rates_[stage_] * dt * acceleration;
 }
 
 PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {

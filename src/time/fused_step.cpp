@@ -104,10 +104,10 @@ TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticki
     : stages_(stages_of(method)), others_(slopes_from + explicit_slopes(true) + implicit_slopes()),
       known_(others_ + others), driving_(known_ + (method.additive() ? 1 : 0)),
       tiles_(model, explicit_slopes(true), driving_ - slopes_from + (model.viscous() ? 1 : 0), sticking),
-      coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().K1())),
+      coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().mean_K1())),
       additive_(method.additive()), last_is_new_(ends_at_last_stage(method)), target_(method.target),
-      K1_(model.scene().K1()), N_(model.scene().N()), solve_(tiles_, sticking),
-      stencil_(tile::stencil(model.scene())),
+      K1_(model.scene().mean_K1()), N_(model.scene().N()), solve_(tiles_, sticking),
+      stencil_(tile::stencil(model.scene(), tiles_.links())),
       pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {
   const int s = method.stages;
   for (int i = 0; i < s; ++i) {
@@ -228,7 +228,7 @@ void TiledStep::take_slope(const Tile& t, int i, const Step& step, Range range) 
 void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {
   double* const psi = tiles_.column(index, 0) - t.from;
   tiles_.close_ends(psi, begin, end);
-  stencil_(coefficients_, {psi + begin, at(t, slope, 1, begin), end - begin});
+  stencil_(coefficients_, {psi + begin, at(t, slope, 1, begin), end - begin, tiles_.number(begin)});
 }
 
 kernel::Coefficients TiledStep::at_stage(const Step& step, const Stage& stage) const {

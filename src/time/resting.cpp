@@ -19,14 +19,15 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold)
     : model_(model), scene_(model.scene()), threshold_(std::move(threshold)), dof_(model.dof()),
-      loaded_(scene_.load.varies() && !halts(scene_)), K0_(scene_.K0()),
-      longest_(Stick::longest_rest(scene_)), eta_(scene_.n), since_(scene_.n),
-      state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
+      loaded_(scene_.load.varies() && !halts(scene_)), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
+      since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
+  for (PetscInt i = 0; i < (scene_.medium.nodes_differ() ? scene_.n : 1); ++i)
+    K0_.push_back(scene_.coefficients(i).K0);
   // without a load nothing but a state that falls lets go against the plate's direction
   const bool one_way = dof_ == 2 && !loaded_;
   for (const double direction : {1., -1.}) {
     if (direction < 0 && !scene_.friction.back_slip) continue;
-    if (one_way && !(direction * scene_.v * K0_ > 0)) continue;
+    if (one_way && !(direction * scene_.v * *std::max_element(K0_.begin(), K0_.end()) > 0)) continue;
     sides_.push_back({direction, std::vector<double>(std::size_t(scene_.n), infinity)});
   }
 }
@@ -34,12 +35,14 @@ RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, do
 double RestingNodes::way(double t) const { return loaded_ ? scene_.load.integral(t) : scene_.v * t; }
 
 double RestingNodes::eta(PetscInt i, double t) const {
-  return eta_[i] + K0_ * (loaded_ ? way(t) - way(since_[i]) : scene_.v * (t - since_[i]));
+  return eta_[i] + K0(i) * (loaded_ ? way(t) - way(since_[i]) : scene_.v * (t - since_[i]));
 }
 double RestingNodes::state(PetscInt i, double t) const {
   return dof_ == 2 ? 0 : model_.friction_law(i).state_at_rest(state_[i], t - since_[i]);
 }
-double RestingNodes::rate(double t) const { return K0_ * (loaded_ ? scene_.load(t) : scene_.v); }
+double RestingNodes::rate(PetscInt i, double t) const {
+  return K0(i) * (loaded_ ? scene_.load(t) : scene_.v);
+}
 
 void RestingNodes::set(PetscInt i, double t, double eta, double state) {
   eta_[i] = eta;
@@ -51,12 +54,13 @@ double RestingNodes::key(PetscInt i, double direction) const {
   const double force = direction * eta_[i];
   if (dof_ == 3) {
     const double wait = release_time(model_.friction_law(i), model_.amplitude()[i], force,
-                                     direction * K0_ * scene_.v, state_[i], infinity);
+                                     direction * K0(i) * scene_.v, state_[i], infinity);
     return since_[i] + wait;
   }
   const double lacks = threshold_(i, 0) - force;
-  if (!loaded_) return since_[i] + std::max(0., lacks / std::abs(K0_ * scene_.v));
-  return K0_ > 0 ? direction * way(since_[i]) + lacks / K0_ : infinity;
+  if (!(K0(i) > 0)) return infinity;
+  if (!loaded_) return since_[i] + std::max(0., lacks / std::abs(K0(i) * scene_.v));
+  return direction * way(since_[i]) + lacks / K0(i);
 }
 
 void RestingNodes::rests(PetscInt i) {
@@ -132,7 +136,8 @@ std::vector<PetscInt> RestingNodes::take_due(double t) {
     for (drop_old(side); !side.heap.empty(); drop_old(side)) {
       const auto [key, i] = side.heap.top();
       const double s = state(i, t), limit = threshold_(i, s);
-      const double ahead = by_way() ? K0_ * (key - side.direction * way(t)) : std::abs(rate(t)) * (key - t);
+      const double ahead =
+          by_way() ? K0(i) * (key - side.direction * way(t)) : std::abs(rate(i, t)) * (key - t);
       // at once, to round-off, with the first of them
       if (key > (by_way() ? side.of : t) && ahead > stick_rule::close * limit) break;
       side.heap.pop();

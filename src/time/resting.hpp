@@ -22,7 +22,7 @@ class RestingNodes {
 
   double eta(PetscInt i, double t) const;
   double state(PetscInt i, double t) const;
-  double rate(double t) const;  // of eta; at a corner of a load of the piece that begins there
+  double rate(PetscInt i, double t) const;  // of eta; at a corner of a load of the piece that begins there
   double last_eta(PetscInt i) const { return eta_[i]; }  // as it was set
   double last_state(PetscInt i) const { return dof_ == 3 ? state_[i] : 0; }
   // Node i is like this at t; what it does from then on is said by one of the two below it.
@@ -70,6 +70,7 @@ class RestingNodes {
   };
   bool by_way() const { return loaded_ && dof_ == 2; }
   double way(double t) const;
+  double K0(PetscInt i) const { return K0_[K0_.size() == 1 ? 0 : std::size_t(i)]; }
   double key(PetscInt i, double direction) const;
   bool holds(const Side& side, const Release& r) const { return rests_[r.node] && side.key[r.node] == r.key; }
   void drop_old(Side& side) const;
@@ -80,7 +81,8 @@ class RestingNodes {
   std::function<double(PetscInt, double)> threshold_;
   int dof_;
   bool loaded_;
-  double K0_, longest_;  // the latter: as far as a load is looked at ahead
+  std::vector<double> K0_;  // of the nodes; one where all have the same
+  double longest_;          // as far as a load is looked at ahead
   std::vector<double> eta_, since_, state_;
   std::vector<bool> rests_;
   std::vector<Side> sides_;

@@ -271,12 +271,13 @@ double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_t
 double Stick::release_under_load(Vec u, double t, double longest) {
   const Vec total = total_force(u, 0);
   const Load& load = model_.scene().load;
-  const double K0 = model_.scene().K0(), travelled = load.integral(t), v = model_.plate_velocity(t);
+  const double travelled = load.integral(t), v = model_.plate_velocity(t);
   const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_);  // at rest what neighbours add stands
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     const Friction& law = model_.friction_law(i);
+    const double K0 = model_.coefficients(i).K0;
     for_each_side([&](double side) {
       const double* at = a + i * dof_;
       std::array<double, 3> then{0, 0, dof_ == 3 ? at[2] : 0};
@@ -326,9 +327,10 @@ double Stick::release_under_load(Vec u, double t, double longest) {
 void Stick::rest(Vec u, double t, double wait, Vec into) {
   const Load& load = model_.scene().load;
   const bool loaded = loaded_;
-  const double K0 = model_.scene().K0(), v = model_.plate_velocity(t);
-  const double more = loaded ? K0 * (load.integral(t + wait) - load.integral(t) - v * wait) : 0;
-  const double faster = loaded ? K0 * (model_.plate_velocity(t + wait) - v) : 0;
+  const double v = model_.plate_velocity(t);
+  const auto K0 = [&](PetscInt i) { return loaded ? model_.coefficients(i).K0 : 0; };
+  const double way = loaded ? load.integral(t + wait) - load.integral(t) - v * wait : 0;
+  const double gain = loaded ? model_.plate_velocity(t + wait) - v : 0;
   SS_TRY(VecWAXPY(into, wait, slope_, u));
   std::vector<Limit> limits;
   {
@@ -338,14 +340,15 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
       for (PetscInt i = 0; i < model_.local(); ++i)
         b[i * 3 + 2] = model_.friction_law(i).state_at_rest(a[i * 3 + 2], wait);
     for (PetscInt i = 0; loaded && i < model_.local(); ++i)
-      if (model_.scene().form == Form::chain || !model_.held(model_.first() + i)) b[i * dof_ + 1] += more;
+      if (model_.scene().form == Form::chain || !model_.held(model_.first() + i))
+        b[i * dof_ + 1] += K0(i) * way;
   }
   const Vec total = total_force(into, 0), total_rate = total_force(slope_, 1);
   {
     const Reading f(slope_), b(into);
     const Forces force(b, total, dof_), rate(f, total_rate, dof_);
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
-      const double limit = threshold(i, b + i * dof_);
+      const double limit = threshold(i, b + i * dof_), faster = K0(i) * gain;
       for_each_side([&](double side) {
         if (std::abs(side * force[i] - limit) <= close * limit &&
             side * (rate[i] + faster) > threshold_rate(i, b + i * dof_))

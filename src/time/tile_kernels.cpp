@@ -9,7 +9,10 @@ LawTable<tile::PointwiseFamily::Make>& tile::PointwiseFamily::table() {
 
 namespace tile {
 
-Stencil stencil(const Scene& scene) {
+Stencil stencil(const Scene& scene, const std::vector<double>& links) {
+  if (!links.empty())
+    return kernel::compiled<Stencil>(
+        kernel::StencilOfLinks{std::make_shared<const std::vector<double>>(links)});
   return kernel::for_half_width(scene.order / 2, [](auto half_width) -> Stencil {
     return kernel::compiled<Stencil>(kernel::StencilOfColumns<half_width>{});
   });

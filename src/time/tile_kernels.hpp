@@ -12,9 +12,9 @@
 
 namespace stickslip::tile {
 
-// K1 D2 psi.
+// K1 D2 psi; `links` by the numbers of nodes, where they differ (Tiles::links).
 using Stencil = std::function<void(const kernel::Coefficients&, const kernel::ColumnRange&)>;
-Stencil stencil(const Scene& scene);
+Stencil stencil(const Scene& scene, const std::vector<double>& links = {});
 
 // What is added to it; `sticking`: of friction that sticks. `places`: friction_places() of the nodes by
 // their numbers.

@@ -78,6 +78,14 @@ FrictionPlaces Tiles::places() const {
                          [this](PetscInt i) { return wrapped(first_ + i - left_halo_); });
 }
 
+std::vector<double> Tiles::links() const {
+  std::vector<double> all;
+  if (!model_.scene().medium.links_differ()) return all;
+  for (PetscInt i = -left_halo_ - 1; i < local_ + right_halo_; ++i)
+    all.push_back(model_.scene().link(model_.scene().ring() ? wrapped(first_ + i) : first_ + i));
+  return all;
+}
+
 void Tiles::set_direction(const std::vector<double>& own) {
   std::copy(own.begin(), own.end(), direction_.begin() + left_halo_);
   if (!scatter_) return;

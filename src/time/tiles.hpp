@@ -75,6 +75,8 @@ class Tiles {
   // of these.
   PetscInt number(PetscInt node) const { return node + left_halo_; }
   FrictionPlaces places() const;
+  // The links of all of these, links[k] before the node of number k; none where they do not differ.
+  std::vector<double> links() const;
   // nullptr: friction does not stick
   const double* direction(PetscInt node) const { return at(direction_, node); }
   // Calls body(i) for the held nodes of this rank in [begin, end).

@@ -1,7 +1,8 @@
-// Where friction is not smooth along x: at the places that its profiles name (friction_*_profile,
-// state_*_profile). A random spread is smooth to its second derivative everywhere and has no corners here.
+// Where friction or the medium is not smooth along x: at the places that their profiles name
+// (friction_*_profile, state_*_profile, model_*_profile). A random spread is smooth to its second derivative
+// everywhere and has no corners here.
 //
-// A solution inherits them. With what of friction jumps at a corner, its value, its first or its third
+// A solution inherits them. With what of either jumps at a corner, its value, its first or its third
 // derivative, differences of any order converge like h, h^2 or h^4: a node stands for the cell around it, and
 // takes its friction from one place.
 //

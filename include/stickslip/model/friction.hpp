@@ -29,10 +29,12 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "stickslip/model/medium.hpp"
 #include "stickslip/model/node_terms.hpp"
 #include "stickslip/model/profile.hpp"
 
@@ -172,9 +174,11 @@ struct FrictionParameters {
   double value(const std::string& option) const;
 };
 
-// A place along x at which friction is asked for, with its amplitude there.
+// A place along x at which friction is asked for, with its amplitude there; and with the coefficients of the
+// node there, where these differ along x (of interest to the loops over nodes alone).
 struct FrictionPlace {
   double x = 0, amplitude = 1;
+  std::optional<NodeCoefficients> medium = std::nullopt;
 };
 using FrictionPlaces = std::vector<FrictionPlace>;
 

@@ -27,9 +27,9 @@ class Frictions {
   std::vector<std::shared_ptr<const Friction>> list_;
 };
 
-// Where the loops over nodes are to take friction that is each node's own (model/loops.hpp): of `count`
-// nodes, the i-th of number node(i). None where one law says all; one place where all nodes are alike with a
-// term beside it; else all of them.
+// Where the loops over nodes are to take friction, or coefficients, that are each node's own
+// (model/loops.hpp): of `count` nodes, the i-th of number node(i). None where one law says all; one place
+// where all nodes are alike with a term beside it; else all of them.
 FrictionPlaces friction_places(const Scene& scene, PetscInt count,
                                const std::function<PetscInt(PetscInt)>& node);
 FrictionPlaces friction_places(const Scene& scene, PetscInt first, PetscInt count);

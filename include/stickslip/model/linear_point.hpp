@@ -90,6 +90,11 @@ struct LinearPoint : FrictionSlopes {
       : A(s.A()), B(s.B()), K0(s.K0()), K1(s.K1()), N(s.N()), s_delta(s.s_delta()),
         has_state(s.friction.has_state()) {}
   LinearPoint(const Scene& s, const Partials& F, const RatePartials& g) : LinearPoint(s) { set(F, g); }
+  // Those of a node; where links differ K1 is their mean.
+  LinearPoint(const Scene& s, PetscInt node) : LinearPoint(s, s.coefficients(node)) {}
+  LinearPoint(const Scene& s, const NodeCoefficients& c)
+      : A(c.A), B(c.B), K0(c.K0), K1(s.mean_K1()), N(s.N()), s_delta(c.s_delta),
+        has_state(s.friction.has_state()) {}
   void set(const Partials& F, const RatePartials& g) { set({F.F_psi, F.F_state, g.g_psi, g.g_state}); }
   void set(const FrictionSlopes& slopes) { static_cast<FrictionSlopes&>(*this) = slopes; }
 

@@ -92,6 +92,11 @@ class Model {
   // The amplitude a_i of friction at this rank's nodes (all 1 without spread and profile).
   const std::vector<double>& amplitude() const;
 
+  // The coefficients of a node of this rank, which are those of the scene where they do not differ along x;
+  // the largest A (B + slope) over all nodes, collective.
+  NodeCoefficients coefficients(PetscInt local_node) const;
+  double largest_resistance(double slope) const;
+
   // The scene's friction, of amplitude 1. Where it varies along x there is no one friction: UsageError.
   const Friction& friction_law() const;
   const Friction& friction_law(PetscInt local_node) const;

@@ -27,6 +27,10 @@ class ProfileAlongX {
   double at(double x) const;
   const std::vector<std::pair<double, double>>& points() const { return points_; }
   bool is_constant() const;
+  // Where the value jumps, in the order of x; on a ring a jump from the last place to the first is one, too.
+  std::vector<double> jumps() const;
+  // The smallest and the largest value.
+  std::pair<double, double> range() const;
   // The shortest distance over which the value changes from one place to another, a jump aside; infinite
   // where none does. What a grid has to resolve.
   double shortest() const;

@@ -9,7 +9,9 @@
 // = k0/f0, K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
 // nu is the viscosity between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless
 // chain (m = 0) the first equation is B psi + F(psi, state) = eta (src/model/massless.hpp). The drag c3 psi
-// |psi| stands beside F wherever F does, also where only F is written (node_terms.hpp).
+// |psi| stands beside F wherever F does, also where only F is written (node_terms.hpp). With unequal
+// blocks or layers (medium.hpp) A, B, K0 and s delta are those of the node, and K1 D2 psi has a K1 of its own
+// between any two neighbours.
 #pragma once
 
 #include <petscsys.h>
@@ -19,6 +21,7 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/load.hpp"
+#include "stickslip/model/medium.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {
@@ -48,14 +51,38 @@ struct Scene {
   double left_value = 0, right_value = 0;  // psi_e of a held end
   Load load;                               // v(t), where v is not constant: `run` alone knows it
   PetscInt copies = 1;                     // equal cells that this one stands for (reduce.hpp)
+  // What of m, k0, k1, zeta, c, delta differs along x; these hold its mean over the nodes then.
+  Medium medium;
 
-  // coefficients of the one system
-  double A() const { return form == Form::continuum ? gamma : f0 / m; }
-  double B() const { return form == Form::continuum ? 0 : zeta / f0; }
-  double K0() const { return form == Form::continuum ? 1 / gamma : k0 / f0; }
-  double K1() const { return form == Form::continuum ? c * c / gamma : k1 / f0; }
+  // coefficients of the one system; std::logic_error where one differs along x
+  double A() const {
+    medium.ask_same("model_m");
+    return form == Form::continuum ? gamma : f0 / m;
+  }
+  double B() const {
+    medium.ask_same("model_zeta");
+    return form == Form::continuum ? 0 : zeta / f0;
+  }
+  double K0() const {
+    medium.ask_same("model_k0");
+    return form == Form::continuum ? 1 / gamma : k0 / f0;
+  }
+  double K1() const {
+    medium.ask_same(form == Form::continuum ? "model_c" : "model_k1");
+    return mean_K1();
+  }
   double N() const { return form == Form::continuum ? nu / gamma : nu / f0; }
-  double s_delta() const { return form == Form::continuum ? (derived_sign ? delta : -delta) : 0; }
+  double s_delta() const {
+    medium.ask_same("model_delta");
+    return form == Form::continuum ? (derived_sign ? delta : -delta) : 0;
+  }
+  // The same with the mean m, k0, k1, ... everywhere: for estimates.
+  Scene averaged() const;
+  double mean_K1() const { return form == Form::continuum ? c * c / gamma : k1 / f0; }
+  // Those of a node; and L between node i and the next one (medium.hpp), K1 or K1/h^2. Beyond an end of a
+  // line the link is that of the end, as even reflection has it.
+  NodeCoefficients coefficients(PetscInt i) const;
+  double link(PetscInt i) const;
   // m = 0: A is infinite, eta = B psi + F(psi, state) holds at every moment, and psi is no unknown.
   bool massless() const { return form == Form::chain && m == 0; }
   bool ring() const { return left == End::periodic; }
@@ -66,20 +93,27 @@ struct Scene {
   bool any_held() const { return left == End::velocity || right == End::velocity; }
   double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }
   double x(PetscInt i) const { return double(i) * h(); }
-  // Whether the amplitude of friction is 1 at every node; and whether all of friction is the same everywhere.
+  double spacing() const { return form == Form::chain ? 1 : h(); }  // that D2 is divided by the square of
+  // Whether the amplitude of friction is 1 at every node; and whether friction and medium are the same
+  // everywhere.
   bool unit_amplitude() const { return spread == 0 && amplitude.points().empty(); }
-  bool same_friction() const { return unit_amplitude() && !friction.varies(); }
+  bool nodes_alike() const { return unit_amplitude() && !friction.varies() && !medium.varies(); }
   // Whether friction, with what stands beside it, differs from node to node by more than a factor.
   bool laws_differ() const { return friction.varies() || (!friction.terms.none() && !unit_amplitude()); }
-  bool has_profile() const { return friction.varies() || !amplitude.points().empty(); }
-  // The shortest length over which friction changes: of the spread and of profiles; infinite where it is the
-  // same everywhere.
+  bool has_profile() const { return friction.varies() || !amplitude.points().empty() || medium.varies(); }
+  // The shortest length over which friction or the medium changes: of the spread and of profiles; infinite
+  // where they are the same everywhere.
   double friction_length() const;
 
   // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on
   // its exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
   static Scene from(const Options& options, bool sliding_branch = false);
 };
+
+// The coefficients of the nodes first .. first + count - 1, empty where all nodes have the same; and the
+// links before each of them and behind the last, count + 1, empty where K1 is the same everywhere.
+std::vector<NodeCoefficients> coefficients_along(const Scene& scene, PetscInt first, PetscInt count);
+std::vector<double> links_along(const Scene& scene, PetscInt first, PetscInt count);
 
 // x of the nodes first .. first + count - 1.
 std::vector<double> positions(const Scene& scene, PetscInt first, PetscInt count);

@@ -41,4 +41,7 @@ Combination halo_node(const Scene& scene, PetscInt j);
 // node.
 Combination second_difference_row(const Scene& scene, PetscInt i);
 
+// Row i of K1 D2, likewise; with the links of the scene's own where they differ (medium.hpp).
+Combination coupling_row(const Scene& scene, PetscInt i);
+
 }  // namespace stickslip

@@ -49,7 +49,7 @@ class Displacement {
   static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
 
   // Where the chain is not known by its forces; then count_from() comes first.
-  static bool floats(const Scene& scene) { return scene.K0() == 0 && !scene.any_held(); }
+  static bool floats(const Scene& scene) { return scene.averaged().K0() == 0 && !scene.any_held(); }
   // eta of this rank's nodes at the start, and the mean of chi since then at any time that is asked for.
   void count_from(std::vector<double> eta, std::function<double(double t)> mean);
 
@@ -70,6 +70,7 @@ class Displacement {
   template <class Place>
   void add_row(PetscInt node, PetscInt row, const Place& place);
   void finish_matrix();
+  double damping(PetscInt local_node) const;
 
   const Model& model_;
   const Plate& plate_;

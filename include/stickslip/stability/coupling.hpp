@@ -1,4 +1,6 @@
-// How the nodes that are solved for hang together: -D2 among them, and their order in a banded matrix.
+// How the nodes that are solved for hang together: -D2 among them, and their order in a banded matrix. Where
+// links differ along x (model/medium.hpp) D2 is that of the links over the mean K1, so that K1 times it is
+// what couples them.
 //
 // Held nodes carry no unknown; what couples to them stands in the row sums alone. Local to the process, which
 // holds the whole line.
@@ -35,7 +37,9 @@ class Coupling {
   };
   // Row i of -D2. Its product with p is taken by differences, which keep the digits that 1/h^2 would eat.
   Row row(std::size_t i) const { return {terms_.data() + starts_[i], terms_.data() + starts_[i + 1]}; }
-  std::vector<Complex> minus_d2(const std::vector<Complex>& p) const;
+  std::vector<Complex> minus_d2(const std::vector<Complex>& p) const { return minus_d2(p, false); }
+  // `plain`: of the stencil with equal links, in any case.
+  std::vector<Complex> minus_d2(const std::vector<Complex>& p, bool plain) const;
   double largest_row() const;  // sum of |entries|
 
   // A ring is ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other in the band.
@@ -47,8 +51,11 @@ class Coupling {
 
  private:
   Coupling() = default;
+  void add_link_row(const Scene& scene, PetscInt node);
   void close_row();
 
+  // Values of the rows' terms with equal links, where they are not; and of their sums.
+  std::vector<double> plain_, plain_sum_;
   bool folded_ = false;
   int band_ = 0;
   std::vector<std::size_t> starts_{0};

@@ -66,7 +66,7 @@ std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& 
 // Whether steady sliding is psi = v: no end is held away from it. And whether the force is the same
 // everywhere too, as friction is.
 bool slides_at_v(const Scene& scene);
-inline bool slides_uniformly(const Scene& scene) { return scene.same_friction() && slides_at_v(scene); }
+inline bool slides_uniformly(const Scene& scene) { return scene.nodes_alike() && slides_at_v(scene); }
 
 // The medium of uniform sliding at psi = v where friction is the same at every node; nothing where there is
 // no such sliding: the state has no steady value, or friction jumps at v = 0.

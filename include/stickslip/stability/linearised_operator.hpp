@@ -4,8 +4,11 @@
 // node (model/linear_point.hpp), so e and t are eliminated node by node, and lambda is an eigenvalue when
 // S(lambda) p = 0 has a solution,
 //
-//     S(lambda) = lambda [lambda/A + beta_i + q_i/(lambda + r_i)] + K0 - (K1 + lambda N) D2
+//     S(lambda) = lambda [lambda/A_i + beta_i + q_i/(lambda + r_i)] + K0_i - (K1 + lambda N) D2
 //     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi - N D2) p + F_state t.
+//
+// Where a scene's medium differs along x, A and K0 are those of the node, and K1 D2 has links of its own
+// (coupling.hpp); elsewhere they are the same at every node.
 //
 // S is banded (in bandwidth-reducing order round a ring), one complex unknown a node, so a factorisation, a
 // solve and a determinant cost O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det
@@ -35,11 +38,11 @@ class LinearisedOperator {
   LinearisedOperator segment(std::size_t first, std::size_t count) const;
 
   Scene scene;
-  double A, K0, K1, N;
+  double A, K0, K1, N;  // of a medium that differs along x the largest A and K0, the mean K1
   Coupling coupling;    // the nodes solved for
   bool uniform = true;  // the same at every node
   LinearPoint point(std::size_t i) const {
-    LinearPoint p = medium_;
+    LinearPoint p = nodes_.empty() ? medium_ : LinearPoint(scene, nodes_[i]);
     p.set(slopes_[i]);
     return p;
   }
@@ -129,7 +132,8 @@ class LinearisedOperator {
   void add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first,
                    std::vector<Complex>& x, double factor = 1) const;
 
-  LinearPoint medium_, mean_;  // medium: without friction
+  LinearPoint medium_, mean_;            // medium: without friction
+  std::vector<NodeCoefficients> nodes_;  // none where all have those of `medium_`
   std::vector<FrictionSlopes> slopes_;
 };
 
