@@ -234,8 +234,9 @@ void check_forced(const Options& options, const Scene& scene) {
         "-boundary_verify: checks steady sliding, and under a load nothing is steady; leave it off");
   if (scene.massless())
     throw UsageError("-model_m 0: the slide under a load is solved for with mass; `run` takes 0");
-  if (!(scene.K0() > 0)) throw UsageError("model_k0 0: nothing pulls the slide back to the load's motion");
-  if (!scene.same_friction() || scene.any_held()) check_smooth_cell(scene);
+  if (!(scene.averaged().K0() > 0))
+    throw UsageError("model_k0 0: nothing pulls the slide back to the load's motion");
+  if (!scene.nodes_alike() || scene.any_held()) check_smooth_cell(scene);
 }
 
 std::string slide_along(ForcedBoundary& growth, const std::vector<Crossing>& points) {

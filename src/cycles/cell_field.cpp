@@ -34,10 +34,11 @@ NodeBlock slope_in_d2(const LinearPoint& point) {
 
 CellField::CellField(const Scene& scene, int periods)
     : scene_(scene), friction_(smooth_friction(scene, periods > 0)),
-      coefficients_(kernel::coefficients_of(scene)), no_friction_(scene, 0), by_d2_(slope_in_d2(no_friction_)),
-      dof_(scene.friction.has_state() ? 3 : 2), periods_(periods), sliding_(!scene.friction.sticks() ? 0
-                                                                            : scene.v < 0            ? -1
-                                                                                                     : 1) {
+      coefficients_(kernel::coefficients_of(scene)), no_friction_(scene, 0),
+      by_d2_(slope_in_d2(no_friction_)), dof_(scene.friction.has_state() ? 3 : 2), periods_(periods),
+      sliding_(!scene.friction.sticks() ? 0
+               : scene.v < 0            ? -1
+                                        : 1) {
   std::vector<PetscInt> all;
   for (PetscInt i = 0; i < scene.n; ++i)
     if (!scene.held(i)) all.push_back(i);
@@ -110,9 +111,7 @@ void CellField::rates_under(double v, const double* y, double* f) const {
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
     const double force =
         amplitude_[k] * (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
-    kernel::Coefficients own = coefficients(k);
-    own.v = v;
-    const kernel::NodeRates rates = kernel::node_rates(own, psi, at[1], force, 0, 1);
+    const kernel::NodeRates rates = kernel::node_rates(coefficients(k, v), psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
     out[0] = rates.psi + by_d2_.psi_psi * d2;
     out[1] = rates.eta + by_d2_.eta_psi * d2;
@@ -121,9 +120,11 @@ void CellField::rates_under(double v, const double* y, double* f) const {
 }
 
 // Of a node without neighbours.
-kernel::Coefficients CellField::coefficients(std::size_t k) const {
-  if (own_.empty()) return coefficients_;
-  return {own_[k].A, own_[k].B, own_[k].K0, coefficients_.v, own_[k].s_delta, {}};
+kernel::Coefficients CellField::coefficients(std::size_t k, double v) const {
+  if (!own_.empty()) return {own_[k].A, own_[k].B, own_[k].K0, v, own_[k].s_delta, {}};
+  kernel::Coefficients c = coefficients_;
+  c.v = v;
+  return c;
 }
 LinearPoint CellField::without_friction(std::size_t k) const {
   return own_.empty() ? no_friction_ : LinearPoint(scene_, own_[k]);

@@ -65,7 +65,7 @@ class CellField : public VectorField {
   void rates_under(double v, const double* y, double* f) const;
   LinearPoint point(const double* y, std::size_t k) const;
   LinearPoint without_friction(std::size_t k) const;
-  kernel::Coefficients coefficients(std::size_t k) const;
+  kernel::Coefficients coefficients(std::size_t k, double v) const;
   bool at_an_end(std::size_t k) const;
   void couple(PetscInt node);
 

@@ -8,6 +8,7 @@
 #include "cycles/stick_return_map.hpp"
 #include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 
@@ -21,7 +22,7 @@ class ForcedSearch {
   ForcedSearch(const StickMotion& m, int patience)
       : m_(m), period_(m.scene().load.period()), escape_(escape_velocity(m.scene())) {
     const Scene& s = m.scene();
-    const double turn = 2 * M_PI / std::sqrt(s.A() * s.K0());
+    const double turn = 2 * M_PI / own_frequency(s);
     most_ = patience * std::max(1., turn / period_);
   }
 

@@ -24,7 +24,7 @@ Waves waves_of(const Scene& scene) {
 }  // namespace
 
 SlideStability stability_of_slide(const Scene& scene) {
-  const bool alike = scene.same_friction() && !scene.any_held();
+  const bool alike = scene.nodes_alike() && !scene.any_held();
   const SmoothCycle slide = forced_slide(alike ? one_node_of(scene) : scene);
   SlideStability out;
   out.least = least_along(slide.cycle, scene.v);
