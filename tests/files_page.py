@@ -24,7 +24,7 @@ class FilesPage:
         common = {title: set(every) | (set() if title == "laws" else set(but_laws)) for title in sections}
         self.own_attributes = {title: set().union(*map(set, listed.get(title, ()))) for title in sections}
         for title, text in sections.items():
-            if "coefficients\nof a run's file" in text or "coefficients of a run's file" in text:
+            if "coefficients of a run's file" in " ".join(text.split()):
                 self.own_attributes[title] |= {"A", "B", "K0", "K1", "s_delta", "v", "steady_eta", "steady_stable"}
         self.attributes = {title: common[title] | self.own_attributes[title] for title in sections}
 

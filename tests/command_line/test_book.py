@@ -102,7 +102,9 @@ def test_files_and_tests_that_pages_name_are_there():
 FILES = {
     "run": ["-model_form chain -grid_n 8 -ts_max_time 2 -friction_law carlson-langer -state_law healing -bc_left free -init_noise "
             "0.3 -init_state 1 -out_probes 1,2 -out_events -out_rupture -out_displacement -lyapunov_count 2 -friction_amplitude_profile 0:1,7:2 "
-            "-friction_alpha_profile 0:0.5,7:0.6 -out_checkpoint_every 5", "-grid_n 8 -ts_max_time 1 -load_v 0:0.2,1:0.3"],
+            "-friction_alpha_profile 0:0.5,7:0.6 -out_checkpoint_every 5", "-grid_n 8 -ts_max_time 1 -load_v 0:0.2,1:0.3",
+            "-model_form chain -grid_n 4 -bc_left free -friction_law coulomb -init_psi 0 -model_v 0.1 -ts_max_time 5 -load_halt "
+            "-out_events"],
     "spectrum": ["-grid_n 8 -model_v 1.1 -friction_law rate-and-state -state_law ageing -spectrum_pseudo 3"],
     "boundary": ["-grid_n 16 -model_form chain -friction_law carlson-langer -model_zeta paper -boundary_parameter model_v "
                  "-boundary_from 0.5 -boundary_to 4 -boundary_parameter2 model_k1 -boundary_from2 0.1 -boundary_to2 1 "

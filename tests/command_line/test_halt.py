@@ -175,7 +175,7 @@ def test_accuracy():
 
 def test_what_makes_no_sense_is_refused():
     coulomb = CHAIN + " -grid_n 4 -model_k1 1 -model_v 0.1 -friction_law coulomb -init_psi 0 -ts_max_time 5"
-    for more, why in ((" -friction_law cubic", "cubic friction lets none rest"), (" -friction_stick regularised", "friction_stick exact"),
+    for more, why in ((" -friction_law cubic", "cubic friction never lets a node rest"), (" -friction_stick regularised", "friction_stick exact"),
                       (" -friction_fd 1", "does not drop"), (" -friction_law carlson-langer", "friction_sigma"),
                       (" -bc_left velocity", "held"), (" -load_sine_amplitude 0.1 -load_sine_period 3", "load_sine"),
                       (" -load_v 0:1,1:2", "load_v"), (" -model_m 0 -model_zeta 1", "model_m 0")):
