@@ -369,6 +369,18 @@ def read(fields, frame):
     return np.concatenate(parts)
 
 
+def multipliers(found):
+    """Those of a summary of cycle."""
+    return np.array([m["re"] + 1j * m["im"] for m in found["multipliers"]])
+
+
+def near(known, found, tolerance):
+    """Each of the known numbers is found, and no others beside them."""
+    assert len(known) == len(found)
+    for one in known:
+        assert np.abs(found - one).min() < tolerance * max(1, abs(one)), (one, found)
+
+
 def amplitudes(p, psi, eta):
     """The amplitudes of friction that the program drew, out of its steady sliding."""
     system = System(p)

@@ -1,10 +1,10 @@
 // The cycle with rests that a motion under a load settles on: looked at from period to period of the load.
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <optional>
 
 #include "base/pulse.hpp"
+#include "cycles/past_states.hpp"
 #include "cycles/stick_return_map.hpp"
 #include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
@@ -14,13 +14,13 @@ namespace stickslip {
 
 namespace {
 
-constexpr int most_periods = 12;      // of the load in a cycle
-constexpr double looks_equal = 1e-4;  // psi over 1 + |v|, eta and the state at two beginnings of a period
+constexpr int most_periods = PastStates::most;  // of the load in a cycle
 
 class ForcedSearch {
  public:
   ForcedSearch(const StickMotion& m, int patience)
-      : m_(m), period_(m.scene().load.period()), escape_(escape_velocity(m.scene())) {
+      : m_(m), period_(m.scene().load.period()), escape_(escape_velocity(m.scene())),
+        seen_(std::size_t(m.dof())) {
     const Scene& s = m.scene();
     const double turn = 2 * M_PI / own_frequency(s);
     most_ = patience * std::max(1., turn / period_);
@@ -36,7 +36,7 @@ class ForcedSearch {
       const double t = periods * period_;
       if (fastest(p) > escape_) return {Fate::grows, {}, t};
       quiet_ = changed ? 0 : quiet_ + 1;
-      const int back = repeats_after(p);
+      const int back = seen_.repeats_after(p.u, 1 + std::abs(m_.scene().v));
       if (back > 0 && quiet_ > most_periods) {
         StickFate ended{m_.all_rest(p) ? Fate::stuck : Fate::oscillates, {}, t};
         ended.cycle.start = p.u;
@@ -64,22 +64,6 @@ class ForcedSearch {
     double most = 0;
     for (int i = 0; i < m_.nodes(); ++i) most = std::max(most, std::abs(p.u[i * m_.dof()]));
     return most;
-  }
-
-  // How many periods ago it was the same; 0 where in none that is remembered. Remembers this one.
-  int repeats_after(const StickState& p) {
-    int found = 0;
-    const double unit = 1 + std::abs(m_.scene().v);
-    for (std::size_t back = 0; back < seen_.size() && found == 0; ++back) {
-      double apart = 0;
-      for (std::size_t k = 0; k < p.u.size(); ++k)
-        apart =
-            std::max(apart, std::abs(p.u[k] - seen_[back][k]) / (k % std::size_t(m_.dof()) == 0 ? unit : 1));
-      if (apart < looks_equal) found = int(back) + 1;
-    }
-    seen_.push_front(p.u);
-    if (seen_.size() > most_periods) seen_.pop_back();
-    return found;
   }
 
   // The section: the middle of the longest time without a start or a stop.
@@ -139,8 +123,8 @@ class ForcedSearch {
 
   const StickMotion& m_;
   double period_, escape_, most_;
-  int quiet_ = 0;  // periods without a start or a stop
-  std::deque<std::vector<double>> seen_;
+  int quiet_ = 0;    // periods without a start or a stop
+  PastStates seen_;  // at beginnings of a period
 };
 
 }  // namespace

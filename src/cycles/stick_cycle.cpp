@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
 
 #include "base/pulse.hpp"
+#include "cycles/past_states.hpp"
 #include "cycles/stick_return_map.hpp"
 #include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
@@ -17,8 +17,6 @@ namespace stickslip {
 
 namespace {
 
-constexpr int compared = 12;          // releases back with which one is compared
-constexpr double looks_equal = 1e-4;  // of two releases, in psi over its range, eta and the state
 constexpr long most_steps = 1000000;  // of the motion, over the nodes
 // distance of psi from steady sliding over its size: there the linear answer holds
 constexpr double near_sliding = 0.05;
@@ -121,21 +119,9 @@ class OrbitSearch {
 
   // Whether this release looks like one before; fills releases_.
   bool repeats(const Change& c, const StickState& p) {
-    std::deque<std::vector<double>>& seen = seen_[{c.node, c.after}];
-    double size = 1e-300;
-    for (const auto& u : seen)
-      for (std::size_t k = 0; k < u.size(); k += std::size_t(m_.dof())) size = std::max(size, std::abs(u[k]));
-    size = std::max(size, std::abs(m_.scene().v));
-    releases_ = 0;
-    for (std::size_t back = 0; back < seen.size() && releases_ == 0; ++back) {
-      double apart = 0;
-      for (std::size_t k = 0; k < p.u.size(); ++k)
-        apart =
-            std::max(apart, std::abs(p.u[k] - seen[back][k]) / (k % std::size_t(m_.dof()) == 0 ? size : 1));
-      if (apart < looks_equal) releases_ = int(back) + 1;
-    }
-    seen.push_front(p.u);
-    if (seen.size() > compared) seen.pop_back();
+    PastStates& seen = seen_.try_emplace({c.node, c.after}, std::size_t(m_.dof())).first->second;
+    const double size = std::max({1e-300, seen.largest_psi(), std::abs(m_.scene().v)});
+    releases_ = seen.repeats_after(p.u, size);
     return releases_ > 0;
   }
   std::optional<StickCycle> cycle(const Change& c, const StickState& p) const {
@@ -183,8 +169,8 @@ class OrbitSearch {
   double turn_;       // about the time of one
   double escape_;     // see model/escape.hpp
   int quiet_ = 0, turns_ = 0, releases_ = 0;
-  double first_ = 0, now_ = 0, last_ = 0;  // psi at turns without a stop, since the last change
-  std::map<std::pair<int, double>, std::deque<std::vector<double>>> seen_;
+  double first_ = 0, now_ = 0, last_ = 0;              // psi at turns without a stop, since the last change
+  std::map<std::pair<int, double>, PastStates> seen_;  // releases of a node in a direction
 };
 
 }  // namespace

@@ -9,21 +9,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import SOURCE, call, data, run, scene_file
-from reference import System, bloch, options, read
+from reference import System, bloch, multipliers, near, options, read
 
 ROUND = {"rtol": 3e-13, "atol": 1e-13}
 TIGHT = ROUND | {"method": "DOP853"}
 CHAIN = "-model_form chain -model_m 1 -model_k0 0.2 -model_f0 1 "
-
-
-def multipliers(found):
-    return np.array([m["re"] + 1j * m["im"] for m in found["multipliers"]])
-
-
-def near(known, found, tolerance):
-    assert len(known) == len(found)
-    for one in known:
-        assert np.abs(found - one).min() < tolerance * max(1, abs(one)), (one, found)
 
 
 CASES = {"cubic": "-model_v 0.3",

@@ -4,20 +4,10 @@ import numpy as np
 import pytest
 
 from calls import check, data, refused, run
-from reference import Stick, System, options, read
+from reference import Stick, System, multipliers, near, options, read
 
 CHAIN = "-model_form chain "
 TIGHT = "-ts_rtol 1e-11 -ts_atol 1e-12 "
-
-
-def multipliers(found):
-    return np.array([m["re"] + 1j * m["im"] for m in found["multipliers"]])
-
-
-def near(known, found, tolerance):
-    assert len(known) == len(found)
-    for one in known:
-        assert np.abs(found - one).min() < tolerance * max(1, abs(one)), (one, found)
 
 
 def cycle(scene):
