@@ -30,13 +30,14 @@ import tempfile
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
+from calls import PROGRAM, ran
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 BENCH = os.path.join(os.path.dirname(PROGRAM), "tests", "bench_accuracy")
 
 
 def call(*words):
-    done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+    done = ran([PROGRAM, *words])
     return done.returncode, done.stderr
 
 

@@ -2,15 +2,20 @@
 
 STICKSLIP: the program; STICKSLIP_SOURCE: the source tree. A failed expectation is an AssertionError of the test.
 """
+import atexit
+import functools
 import json
 import os
 import re
 import shlex
 import subprocess
+import tempfile
 import time
 
 import h5py
 import numpy as np
+
+from served import Server
 
 SOURCE = os.environ.get("STICKSLIP_SOURCE", os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", os.path.join(SOURCE, "build", "stickslip")))
@@ -69,9 +74,40 @@ def started(arguments, ranks, path, **settings):
     return process, ranks_of(process, ranks, "pids")
 
 
+def surroundings():
+    """The environment as far as it reaches a program: each test has a folder of its own for Open MPI."""
+    own = ("PYTEST_CURRENT_TEST", "OMPI_MCA_orte_tmpdir_base")
+    return {name: text for name, text in os.environ.items() if name not in own}
+
+
+@functools.lru_cache(None)
+def waiting():
+    """The program that forks for the command lines of these tests, and the environment in which it was started."""
+    server = Server(PROGRAM, 600, 600)
+    atexit.register(server.close)
+    return server, surroundings()
+
+
+def ran(given, folder=None, **settings):
+    """The completed process of a command line, words without blanks between them. A line that begins with the program, in
+    the environment of all tests, is forked from a program that has started already (served.py); with STICKSLIP_START set
+    each is started anew."""
+    given = [str(word) for word in given]
+    if (given[0] != PROGRAM or settings or SANITIZED or "STICKSLIP_START" in os.environ or waiting()[1] != surroundings()):
+        return subprocess.run(given, capture_output=True, text=True, errors="replace", timeout=600, cwd=folder, **settings)
+    with tempfile.TemporaryDirectory() as own:
+        said = [os.path.join(own, name) for name in ("out", "err")]
+        code, _ = waiting()[0].run(given[1:], os.path.abspath(folder or "."), *said)
+        texts = []
+        for path in said:
+            with open(path, encoding="utf-8", errors="replace") as file:
+                texts.append(file.read())
+    return subprocess.CompletedProcess(given, code, *texts)
+
+
 def call(arguments, ranks=1, command="run", **settings):
     """Runs a command, whatever comes of it."""
-    return subprocess.run(line(arguments, ranks, command), capture_output=True, text=True, timeout=600, **settings)
+    return ran(line(arguments, ranks, command), **settings)
 
 
 def run(arguments, ranks=1, code=0, command="run"):

@@ -1,5 +1,5 @@
 """Many uses of the program for the price of few starts: served.c, put before the MPI library, lets a program that has
-loaded and started MPI fork for each command line. A use costs 8 ms of processor time instead of 80. Not tested so are
+loaded and started MPI fork for each command line. A use costs a tenth of the processor time of a start. Not tested so are
 the loading, MPI_Init and MPI_Finalize; several ranks cannot be served."""
 import atexit
 import functools

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from calls import PROGRAM, SOURCE
+from calls import PROGRAM, SOURCE, ran
 from reference import System
 
 SCENE = ["-grid_length", 20, "-init_type", "sine", "-ts_max_time", 1]
@@ -26,7 +26,7 @@ def run(*words, ranks=1, code=0):
     command = launcher + [PROGRAM, "run", *map(str, words), "-summary", "s.json"]
     if os.path.exists("s.json"):
         os.remove("s.json")
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = ran(command)
     assert done.returncode == code, f"{command}: {done.returncode}\n{done.stderr}"
     if code == 2:
         return done.stderr
@@ -201,7 +201,7 @@ def asked_of(quantity, accuracy, *words):
 
 def test_speed_and_amplitude_of_a_train():
     command = [PROGRAM, "wave", "-wave_pulses", 4, "-wave_length", 100, "-model_v", 0.5, "-model_delta", 0, "-summary", "-"]
-    wave = json.loads(subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True).stdout)
+    wave = json.loads(ran(command).stdout)
     made, (speed,) = asked_of("speed", 1e-6, *TRAIN, "-ts_max_time", 4)
     assert speed == made["wave_speed"] and abs(speed - wave["speed"]) <= 1e-6, (speed, wave["speed"])
     made, (amplitude,) = asked_of("amplitude", 1e-4, *TRAIN, "-ts_max_time", 40)  # a quarter of it: longer than one pulse takes
@@ -214,7 +214,7 @@ UNIFORM = ["-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-model_v",
 
 def test_period_of_a_cycle():
     words = ["-model_form", "chain", "-grid_n", "1", "-bc_left", "free", "-model_v", "0.2", "-summary", "-"]
-    cycle = json.loads(subprocess.run([PROGRAM, "cycle", *words], capture_output=True, text=True, check=True).stdout)
+    cycle = json.loads(ran([PROGRAM, "cycle", *words]).stdout)
     made, (period,) = asked_of("period", 1e-7, *UNIFORM)
     assert period == made["period"] and abs(period - cycle["period"]) <= 1e-7, (period, cycle["period"])
     # a plain run has it too, as good as its steps

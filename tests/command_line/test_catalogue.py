@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from calls import PROGRAM, SOURCE, check, scene_file, words
+from calls import PROGRAM, SOURCE, call, check, scene_file, words
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import catalogue as c  # noqa: E402
@@ -249,5 +249,5 @@ def test_a_load_that_is_a_constant_velocity():
 
 
 def ran(*arguments):
-    done = subprocess.run([PROGRAM, "run", "-progress", "off", *map(str, arguments)], capture_output=True, text=True, check=False)
+    done = call(arguments)
     check(done.returncode == 0, done.stderr)

@@ -10,13 +10,13 @@ import xarray
 
 import pytest
 
-from calls import PROGRAM, SOURCE
+from calls import PROGRAM, SOURCE, ran
 from reference import System
 
 
 def chart(*words, ranks=1, code=0):
     command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [PROGRAM, "chart", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = ran(command)
     assert done.returncode == code, f"{command}: {done.returncode}\n{done.stderr}"
     return done.stderr
 

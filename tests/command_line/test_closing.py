@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from calls import PROGRAM, check
+from calls import PROGRAM, check, ran
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "postprocess"))
 import catalogue  # noqa: E402
@@ -16,7 +16,7 @@ import catalogue  # noqa: E402
 
 def said(*words, code=0, summary=False):
     more = ["-summary", "s.json"] if summary else []
-    done = subprocess.run([PROGRAM, *words, *more], capture_output=True, text=True, timeout=300)
+    done = ran([PROGRAM, *words, *more])
     check(done.returncode == code, f"{words}: exit {done.returncode}\n{done.stderr}")
     lines = done.stderr.splitlines()
     check(all(line.startswith("stickslip: ") for line in lines), done.stderr)

@@ -10,7 +10,7 @@ import tempfile
 import h5py
 import pytest
 
-from calls import PROGRAM, SANITIZED
+from calls import PROGRAM, SANITIZED, ran
 
 SHORT = ["-grid_n", "32", "-ts_max_time", "0.1", "-progress", "off"]  # what makes a run short where it does run
 
@@ -315,13 +315,14 @@ def contents(path):
 
 
 def run(arguments, folder, environment=None, ranks=1):
-    command = [PROGRAM] + arguments
-    if ranks > 1:
-        command = ["mpirun", "-n", str(ranks)] + command
-    with tempfile.TemporaryDirectory() as own:  # two Open MPI programs at a time must not share a session folder
-        done = subprocess.run(command, cwd=folder, env={**os.environ, "OMPI_MCA_orte_tmpdir_base": own, **(environment or {})},
-                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120)
-    return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
+    if ranks == 1 and not environment:
+        done = ran([PROGRAM, *arguments], folder)
+    else:
+        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        with tempfile.TemporaryDirectory() as own:  # two Open MPI programs at a time must not share a session folder
+            done = ran(launcher + [PROGRAM, *arguments], folder, stdin=subprocess.DEVNULL,
+                       env={**os.environ, "OMPI_MCA_orte_tmpdir_base": own, **(environment or {})})
+    return done.returncode, done.stdout, done.stderr
 
 
 CASES = [(arguments, code, expected, None, 1) for arguments, code, expected in USAGE]

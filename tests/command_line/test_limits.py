@@ -7,13 +7,12 @@ import tempfile
 
 import pytest
 
-from calls import PROGRAM, SOURCE, check, scene_file, words
+from calls import PROGRAM, SOURCE, call, check, scene_file, words
 
 
 class Run:
     def __init__(self, arguments):
-        done = subprocess.run([PROGRAM, "run", "-progress", "off", "-summary", "-"] + words(arguments),
-                              capture_output=True, text=True, check=False)
+        done = call(arguments + " -summary -")
         self.arguments, self.code, self.said = arguments, done.returncode, done.stderr
         self.summary = json.loads(done.stdout)
         self.regime, self.speed = self.summary["regime"], self.summary["wave_speed"]

@@ -1,18 +1,16 @@
 """Methods from the command line: refusals, warnings and failures with their exit codes; displacement and energy."""
 import json
 import re
-import subprocess
 
 import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, call, check
+from calls import call, check
 
 
 def run(arguments):
-    return subprocess.run([PROGRAM, "run", "-progress", "off"] + arguments.split(), capture_output=True, text=True,
-                          check=False)
+    return call(arguments)
 
 
 SMALL = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"

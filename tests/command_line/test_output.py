@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 import calls
-from calls import PROGRAM, SOURCE, check, started
+from calls import PROGRAM, SOURCE, check, ran, started
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import plot as PLOT  # noqa: E402
@@ -27,7 +27,7 @@ def command(*options, ranks=1):
 
 
 def run(*options, ranks=1, **settings):
-    return subprocess.run(command(*options, ranks=ranks), capture_output=True, text=True, timeout=120, **settings)
+    return ran(command(*options, ranks=ranks), **settings)
 
 
 def refused(result, code, *words):

@@ -3,7 +3,6 @@ import functools
 import json
 import math
 import os
-import subprocess
 import sys
 
 import h5py
@@ -12,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import iv
 
-from calls import PROGRAM, SOURCE, run
+from calls import PROGRAM, SOURCE, ran, run
 
 sys.path.insert(0, os.path.join(SOURCE, "tests", "bench"))
 import catalogues  # noqa: E402
@@ -24,7 +23,7 @@ def stickslip(command, scene, *words):
     """The exit code and, where it is 0, the summary."""
     path = os.path.join(SOURCE, "runs", "published", scene + ".yaml")
     call = [PROGRAM, command, path, *map(str, words), "-summary", "s.json"]
-    done = subprocess.run(call, capture_output=True, text=True)
+    done = ran(call)
     if done.returncode:
         return done.returncode, done.stderr
     with open("s.json", encoding="utf-8") as file:

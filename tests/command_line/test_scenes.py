@@ -2,11 +2,10 @@
 import glob
 import os
 import re
-import subprocess
 
 import pytest
 
-from calls import PROGRAM, SOURCE
+from calls import PROGRAM, SOURCE, ran
 
 SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "**", "*.yaml"), recursive=True))
 # A scene with options of another command than run is for that one; a little of it is enough here.
@@ -28,6 +27,6 @@ def test_scene_says_what_it_shows_and_starts(scene):
     assert len(re.match(r"(#.*\n)*", text).group(0)) > 40, f"{scene} does not say what it shows"
     command = (re.findall(r"^(sweep|boundary|chart|cycle|laws|spectrum|wave|fit)[:_]", text, re.MULTILINE) or ["run"])
     command = next((c for c in ("sweep", "boundary") if c in command), command[0])
-    done = subprocess.run([PROGRAM, command, scene, *FEW.get(command, [])], capture_output=True, text=True)
+    done = ran([PROGRAM, command, scene, *FEW.get(command, [])])
     assert done.returncode == 0 and "stickslip: error: " not in done.stderr, done.stderr
     assert ("does not fit" in done.stderr) == ("pacemaker-jump" in scene), done.stderr

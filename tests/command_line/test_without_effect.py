@@ -1,17 +1,15 @@
 """Options that change nothing beside the others are told, in one line; what would replace a part of a file to start from is
 refused in a scene and told on the command line."""
-import os
-import subprocess
-
 import pytest
 
-PROGRAM = os.environ["STICKSLIP"]
+from calls import PROGRAM, ran
+
 SHORT = "-progress off -ts_max_time 0.1 -grid_n 40 -grid_length 4 "
 CHAIN = "-progress off -ts_max_time 0.1 -model_form chain "
 
 
 def call(line, folder):
-    return subprocess.run([PROGRAM, *line.split()], capture_output=True, text=True, cwd=folder, check=False)
+    return ran([PROGRAM, *line.split()], folder)
 
 
 def told(line, folder):
