@@ -42,6 +42,10 @@ SCENE = "-grid_n 300 -init_type sine -ts_type rk -ts_rk_type 3bs -out_probes 0,1
 LENGTH = {1: "-ts_max_time 12 -out_frames 601", 2: "-ts_max_time 6 -out_frames 301"}  # by ranks, 2 or more
 MORE = ["", "", "-out_writers root", "-out_displacement true", "-out_events true", "-out_series false",
         "-out_maxima 1", "-friction_law coulomb -friction_stick regularised -friction_eps 0.1"]
+# on one rank: only what slides is advanced
+CLUSTERS = ("-ts_rk_type 5dp -stick_clusters on -model_form chain -model_m 1 -model_k0 1 -model_k1 4 -model_f0 1 -model_v 0.02"
+            " -friction_law carlson-langer -friction_sigma 0.01 -friction_alpha 2 -friction_spread 0.3 -init_type uniform -init_psi 0"
+            " -init_eta 0.5 -out_events true -out_rupture true -out_series_every 3 -ts_max_time 60")
 
 
 class Case:
@@ -97,7 +101,7 @@ def at_random(case, scene, wanted, duration):
 
 def run_killed(case):
     name, rng, ranks = case.name, case.rng, case.ranks
-    scene = f"{SCENE} {LENGTH[min(ranks, 2)]} {rng.choice(MORE)}"
+    scene = f"{SCENE} {LENGTH[min(ranks, 2)]} {rng.choice(MORE + [CLUSTERS] * 2 if ranks == 1 else MORE)}"
     wanted, duration = reference(scene, ranks)
     seen = 0
     if rng.random() < 0.5:

@@ -42,6 +42,9 @@ Columns<RunWork> work_columns(bool ran) {
        &RunWork::rhs_evaluations},
       {"clusters", "1", "with `stick_clusters`: most clusters at once, whose steps are counted then",
        &RunWork::clusters},
+      {"clusters_reason", "",
+       "where friction sticks exactly: null, or why each step is one of the whole medium",
+       [](W w) { return w.no_clusters.empty() ? Json() : Json(w.no_clusters); }},
       {"node_steps", "1", "with `stick_clusters`: steps, each times the nodes of its cluster",
        &RunWork::node_steps}};
   return (ran ? of_run : Columns<RunWork>()) +
@@ -57,6 +60,7 @@ Columns<RunWork> work_columns(bool ran) {
 RunWork Run::work() const {
   const TimeReport& r = time_report();
   RunWork work{r, rejections(), rhs_evaluations(), problem_.model.unknowns(), problem_.what};
+  work.no_clusters = no_clusters_;
   if (halts(scene_)) work.plate_time = plate_.at(r.t);
   if (clusters_) {
     work.clusters = clusters_->most_at_once();
@@ -74,23 +78,18 @@ void Run::report(Summary& summary, bool complete) {
     problem_.model.set_held(problem_.u);
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
     std::optional<StepAudit::Verdict> verdict;  // of every step
-    if (clusters_) {
-      summary.set("regime", to_string(Motion::undecided));
-      summary.set("regime_reason", "with stick_clusters no step is one of the whole medium");
-    } else {
-      verdict = step_audit_->verdict(problem_.u);
-      const NearestGrowth near = nearest_growth(problem_.model, *verdict, rhs_evaluations());
-      regime_->know(near.growth, near.taken, near.why_not, near.beyond);
-    }
+    if (!clusters_) verdict = step_audit_->verdict(problem_.u);
+    const NearestGrowth near = nearest_growth(problem_.model, verdict ? *verdict : sound_, rhs_evaluations());
+    regime_->know(near.growth, near.taken, near.why_not, near.beyond);
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
-    if (verdict) warn_of_answer(*verdict, r.t);
+    warn_of_answer(verdict, r.t);
   } else {
     for (const auto& observer : observers_) observer->summarise(summary, nullptr);
   }
 }
 
 // What in the answer cannot be believed.
-void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
+void Run::warn_of_answer(const std::optional<StepAudit::Verdict>& verdict, double duration) {
   const Measured& m = regime_->result(problem_.u);
   if (!problem_.what.empty()) {
     const double psi_mean = statistics(problem_.model, problem_.u).psi_mean;
@@ -100,7 +99,7 @@ void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
     broadcast(broken);
     if (!broken.empty()) warn(broken);
   }
-  step_audit_->warn_of(verdict, m.motion);
+  if (verdict) step_audit_->warn_of(*verdict, m.motion);
   // A front of four or more nodes changes by at most a third of its height from node to node.
   if (scene_.form == Form::continuum && m.steepest > 0.34)
     warn("a front is not resolved: psi changes by " + std::to_string(std::lround(100 * m.steepest)) +

@@ -119,12 +119,12 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
          std::optional<Checkpoint> checkpoint)
     : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
       problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
+  control_.emplace(options, checkpoint ? checkpoint->step : 0);  // from here on signals are heard
   check_size_of_run(options, problem_.model, problem_.u);
   make_observers(measure);
   // Every rank solves alike, and one of them prints for -ts_monitor.
   if (problem_.model.comm() == PETSC_COMM_SELF && rank_in(PETSC_COMM_WORLD) != 0) silence_library();
   if (checkpoint) restore(*checkpoint);
-  control_.emplace(options, origin_.step);
   const double begin = spent();
   make_integrator(checkpoint);
   step_seconds_ = spent() - begin;
@@ -139,20 +139,15 @@ Answer Run::end() const {
 void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file")) make_displacement();
-  const bool every_step = !takes_clusters();
-  if (every_step) {
-    auto regime =
-        std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
-    regime_ = regime.get();
-    observers_.push_back(std::move(regime));
-    observers_.push_back(std::make_unique<RestFraction>(model, options_.real("ts_max_time")));
-  }
+  auto regime = std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
+  regime_ = regime.get();
+  observers_.push_back(std::move(regime));
+  observers_.push_back(std::make_unique<RestFraction>(model, options_.real("ts_max_time")));
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events")) {
     auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_),
                                                  options_.boolean("out_rupture"), plate_);
     catalogue_ = catalogue.get();
-    if (takes_clusters()) catalogue_->take_events();
     observers_.push_back(std::move(catalogue));
   }
   if (options_.integer("lyapunov_count") > 0) {
@@ -162,7 +157,7 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   const std::vector<double> probes = options_.reals("out_probes");
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
-  if (!probes.empty() && every_step)
+  if (!probes.empty())
     observers_.push_back(
         std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
   if (measure) {  // after the others, so that its number stands
@@ -178,7 +173,8 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
-    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_));
+    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_,
+                                                  options_.integer("out_series_every")));
   // after the rows of the same moment
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get(), plate_));
 }
@@ -186,10 +182,6 @@ void Run::make_observers(const MeasureMaker& measure) {
 void Run::make_displacement() {
   displacement_ = std::make_unique<Displacement>(problem_.model, plate_);
   if (!Displacement::floats(problem_.model.scene())) return;
-  if (takes_clusters())
-    throw UsageError(
-        "out_displacement: with model_k0 0 and no held end it is counted from the start over every step of "
-        "the whole medium, which stick_clusters on does not take; leave one of the two out");
   observers_.push_back(std::make_unique<MeanTravel>(problem_.model, *displacement_));
 }
 
@@ -233,6 +225,7 @@ void Run::limit_steps() {
     longest_step_ = StepAudit::longest_near_sliding(problem_.model, *integrator_, problem_.u, duration);
   }
   if (!std::isfinite(longest_step_) || options_.is_set("ts_adapt_dt_max")) return;
+  if (clusters_) return clusters_->limit_steps(longest_step_);
   TSAdapt adapt;
   double least, most;
   SS_TRY(TSGetAdapt(integrator_->ts(), &adapt));
@@ -263,10 +256,8 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   if (options_.is_set("ts_max_plate")) plate_.end = options_.real("ts_max_plate");
   integrator_->drive_by(plate_);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
-  if (takes_clusters())
-    set_up_clusters(checkpoint);
-  else
-    limit_steps();
+  choose_clusters(checkpoint);
+  limit_steps();
   if (integrator_->adaptive()) {
     double absolute, relative;
     SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
@@ -287,6 +278,7 @@ ObservationPlan Run::plan() {
   ObservationPlan plan;
   plan.after = origin_.resumed ? origin_.t : -1;
   if (options_.is_set("out_file")) plan.layout = run_layout(scene_);
+  plan.by_clusters = plan.layout.tells_rows_later = clusters_ != nullptr;
   plan.layout.by_root = options_.text("out_writers") == "root";
   if (!problem_.what.empty()) plan.layout.texts["reduced"] = problem_.what;
   for (const auto& observer : observers_) observer->plan(plan);

@@ -38,6 +38,7 @@ struct RunWork {
   PetscInt unknowns;
   std::string reduced;
   std::optional<std::int64_t> clusters = {}, node_steps = {};  // with stick_clusters
+  std::string no_clusters = {};                                // why not
   std::optional<double> plate_time = {};                       // with load_halt
 };
 // `ran`: not only checked.
@@ -90,7 +91,9 @@ class Run {
   Integrator::Verdict after(const Integrator::Step& step);
   void advance_whole(Progress& progress);
   // Where only what slides is advanced (run_clusters.cpp): whether it is; UsageError where it cannot be.
-  bool takes_clusters() const;
+  void choose_clusters(const std::optional<Checkpoint>& checkpoint);
+  std::string no_clusters() const;
+  std::string no_gain_of_clusters() const;
   void set_up_clusters(const std::optional<Checkpoint>& checkpoint);
   ClusterPlan cluster_plan() const;
   void advance_clusters(Progress& progress);
@@ -102,7 +105,7 @@ class Run {
   RunWork work() const;
   int ending(Summary& summary) const;
   void report(Summary& summary, bool complete);
-  void warn_of_answer(const StepAudit::Verdict& verdict, double duration);
+  void warn_of_answer(const std::optional<StepAudit::Verdict>& verdict, double duration);
 
   const Options& options_;
   const Provenance provenance_;
@@ -119,6 +122,8 @@ class Run {
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<ClusterRun> clusters_;  // with stick_clusters, which takes the steps then
+  std::string no_clusters_;               // why not, where friction sticks
+  StepAudit::Verdict sound_;              // of steps that answer for themselves, with clusters
   Catalogue* catalogue_ = nullptr;        // one of the observers, with out_events
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;

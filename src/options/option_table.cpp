@@ -210,8 +210,9 @@ void time_options(OptionTableBuilder& t) {
       "rk_fused", "true",
       "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
       "cache; false: PETSc's own step");
-  t.choice("stick_clusters", {"off", "on"},
-           "friction that sticks exactly: on advances only what slides, each cluster by its own steps")
+  t.choice("stick_clusters", {"off", "auto", "on"},
+           "friction that sticks exactly: on advances only what slides, each cluster by its own steps; auto: "
+           "where that can be had and may pay")
       .idle_of(no_threshold)
       .read_by("run");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
@@ -240,6 +241,10 @@ void output_options(OptionTableBuilder& t) {
            "which the "
            "others feed in pieces of a megabyte");
   t.boolean("out_series", "true", "write the group series, a row for every step");
+  t.integer("out_series_every", "1", 1, int_max,
+            "series: a row for every so many steps; with clusters, for so many times at which nodes begin to "
+            "slide or stop")
+      .where("out_series", {"true"});
   t.boolean("out_events", "false",
             "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")

@@ -199,9 +199,9 @@ void Catalogue::plan(ObservationPlan& plan) {
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
-  if (is_told_) return;
-  events_.step(step.t, Reading(step.u), model_.dof());
-  for (const SlipEvent& event : events_.ended()) enter(event, plate_.at(event.end));
+  if (!events_) return;
+  events_->step(step.t, Reading(step.u), model_.dof());
+  for (const SlipEvent& event : events_->ended()) enter(event, plate_.at(event.end));
 }
 
 void Catalogue::record(const SlipEvent& event, double plate_time) {
@@ -232,10 +232,10 @@ void Catalogue::enter(const SlipEvent& ended, double plate_time) {
 }
 
 void Catalogue::archive(Archive& a) {
-  if (is_told_) {
+  if (a.restores() ? a.has("clusters.reached") : !events_) {
     a("events.told", told_);
   } else if (a.has("events.last")) {
-    events_.archive(a);
+    events_->archive(a);
   }
   magnitudes_.archive(a);
   recurrence_.archive(a);
@@ -243,7 +243,7 @@ void Catalogue::archive(Archive& a) {
 }
 
 void Catalogue::summarise(Summary& summary, Vec u) {
-  const long count = events_.count() + told_;
+  const long count = (events_ ? events_->count() : 0) + told_;
   summary.set("events", count);
   if (count > 0) {
     summary.set("largest_moment", largest_moment_);

@@ -67,9 +67,9 @@ class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
   Catalogue(const Model& model, double velocity, bool ruptures, const Plate& plate)
-      : model_(model), plate_(plate), ruptures_(ruptures),
-        events_(model.scene(), velocity, NodeRange::of(model), ruptures),
-        recurrence_(NodeRange::of(model), model.scene()) {}
+      : model_(model), plate_(plate), ruptures_(ruptures), recurrence_(NodeRange::of(model), model.scene()) {
+    events_.emplace(model.scene(), velocity, NodeRange::of(model), ruptures);
+  }
 
   // Of `events`; `halt`: of a plate that does (plate.hpp), whose clock then is that of their times.
   static std::vector<Field> columns(bool halt, bool ruptures);
@@ -77,7 +77,7 @@ class Catalogue : public Observer {
 
   // From now on events come by record(), in order of their ends, and steps show none. `plate_time`: what the
   // plate's clock shows at the event's end.
-  void take_events() { is_told_ = true; }
+  void take_events() { events_.reset(); }
   void record(const SlipEvent& event, double plate_time);
 
   void plan(ObservationPlan& plan) override;
@@ -92,8 +92,7 @@ class Catalogue : public Observer {
   const Model& model_;
   const Plate& plate_;
   bool ruptures_;
-  Events events_;
-  bool is_told_ = false;
+  std::optional<Events> events_;
   long told_ = 0;  // events
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock

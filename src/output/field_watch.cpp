@@ -43,18 +43,57 @@ void FieldWatch::step(const ObservedStep& step) {
   if (step.t < t_begin_) return;
   const Reading values(step.u);
   const double* u = &values[0];
-  const double v = model_.scene().v, side = forward(model_.scene());
   if (steps_ == 0) first_step_t_ = step.t;
   const Extremes extremes = widen_to(u, step.t >= t_end_);
-  for (Tracked& node : tracked_) {
-    const double now = u[node.node * model_.dof()], a = side * (node.psi - v), b = side * (now - v);
-    if (a < 0 && b >= 0) node.passed = last_t_ + (step.t - last_t_) * a / (a - b);
-    node.psi = now;
-  }
+  for (Tracked& node : tracked_)
+    if (moved_steps_ == 0) pass(node, last_t_, step.t, u[node.node * model_.dof()]);
   if (steps_ == 0 || (steps_ >= 4 && step.t >= next_look_) || step.t >= t_end_) look(step.t, u, extremes);
   if (model_.scene().ring() && mode_ > 0 && phase_is_due(step.t)) take_phase(step.t, u);
   ++steps_;
   last_t_ = step.t;
+}
+
+void FieldWatch::pass(Tracked& node, double from, double to, double psi) const {
+  const double v = model_.scene().v, side = forward(model_.scene());
+  const double a = side * (node.psi - v), b = side * (psi - v);
+  if (a < 0 && b >= 0) node.passed = from + (to - from) * a / (a - b);
+  node.psi = psi;
+}
+
+void FieldWatch::moved(const MovedNodes& m) {
+  if (m.t1 < t_begin_ || low_.empty()) return;
+  if (high_.empty()) high_ = low_;
+  const PetscInt n = model_.scene().n;
+  const auto stride = PetscInt(tracked_stride_), first = PetscInt(tracked_first_);
+  for (PetscInt k = 0; k < m.count; ++k) {
+    if (m.direction[k] == 0) continue;
+    const PetscInt i = m.first + k < n ? m.first + k : m.first + k - n;
+    const double psi0 = m.t0 >= t_begin_ ? m.begin.psi[k] : m.end.psi[k], psi1 = m.end.psi[k];
+    low_[i] = std::min({low_[i], psi0, psi1});
+    high_[i] = std::max({high_[i], psi0, psi1});
+    const PetscInt beyond = i - first, place = beyond / stride;
+    if (tracked_.empty() || beyond < 0 || beyond % stride != 0 || place >= PetscInt(tracked_.size()))
+      continue;
+    tracked_[place].psi = m.begin.psi[k];
+    pass(tracked_[place], m.t0, m.t1, psi1);
+  }
+  moved_steps_ += 1;
+  moved_time_ += m.t1 - m.t0;
+}
+
+// On a ring a phase is followed, from the start of the quarter on, at a few times and then ever fewer.
+double FieldWatch::next_look(double t) const {
+  constexpr double first = 8, parts = 4096, growth = 1.03, looks = 16;
+  if (t < t_begin_) return t_begin_;
+  const double whole = t_end_ - t_begin_, part = (t - t_begin_) / whole, margin = 1e-9;
+  double next = (std::floor(looks * part * (1 + margin) + margin) + 1) / looks;
+  if (model_.scene().ring() && mode_ > 0)
+    next = parts * part < first - margin
+               ? (std::floor(parts * part + margin) + 1) / parts
+               : first / parts *
+                     std::pow(growth,
+                              std::floor(std::log(part * parts / first) / std::log(growth) + margin) + 1);
+  return next < 1 - margin ? t_begin_ + whole * next : t < t_end_ ? t_end_ : HUGE_VAL;
 }
 
 FieldRange FieldWatch::range(const double* u) const { return {u, model_.local(), model_.dof()}; }
@@ -215,7 +254,8 @@ std::optional<double> FieldWatch::passage_speed() const {
   sum_over(model_.comm(), passed.data(), int(passed.size()));
   const std::size_t n = passed.size();
   if (steps_ < 2 || n < 4) return std::nullopt;
-  const double interval = (last_t_ - first_step_t_) / double(steps_ - 1),
+  const double interval = moved_steps_ > 0 ? moved_time_ / moved_steps_
+                                           : (last_t_ - first_step_t_) / double(steps_ - 1),
                h = model_.scene().h() * tracked_stride_;
   std::vector<double> slowness;
   for (std::size_t i = 0; i + 1 < n; ++i) {
@@ -275,7 +315,7 @@ FieldWatch::Result FieldWatch::result() const {
   return r;
 }
 
-void FieldWatch::archive(Archive& a) {
+void FieldWatch::archive(Archive& a, bool by_clusters) {
   if (!a.has("watch.measured")) return;
   double t_end = t_end_;
   bool has_ranges = !low_.empty();
@@ -292,6 +332,7 @@ void FieldWatch::archive(Archive& a) {
     a.nodes("watch.low", {&low_});
     a.nodes("watch.high", {&high_});
   }
+  if (a.restores() ? a.has("watch.moved") : by_clusters) a("watch.moved", moved_steps_, moved_time_);
   if (steps_ == 0 || tracked_count_ == 0) return;
   const std::string name = seen_from(model_.scene(), "watch.tracked");
   if (!a.has(name)) throw std::runtime_error("its passages were not seen in the plate's direction");

@@ -16,11 +16,15 @@
 //               each pulse. Positive to the right; none where the phase is not linear in time to 0.3 rad,
 //               where pulses of one direction hold fewer than 80 % of the nodes, or where the times of
 //               passage are off the straight line by more than a tenth of what they climb.
+//
+// Where only what slides is advanced, ranges and passages are those of the steps of clusters, and the whole is
+// shown at the times that next_look() says.
 #pragma once
 
 #include <optional>
 #include <vector>
 
+#include "model/moved_nodes.hpp"
 #include "output/field_loops.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
@@ -33,6 +37,8 @@ class FieldWatch {
   static double bytes_a_node() { return 16; }  // memory: low_ and high_
 
   void step(const ObservedStep& step);  // collective
+  void moved(const MovedNodes& nodes);
+  double next_look(double t) const;  // later than t
   double end() const { return t_end_; }
 
   struct Result {
@@ -44,7 +50,7 @@ class FieldWatch {
   };
   Result result() const;  // collective
 
-  void archive(Archive& a);  // collective
+  void archive(Archive& a, bool by_clusters);  // collective
 
  private:
   struct Moment {
@@ -61,6 +67,7 @@ class FieldWatch {
   FieldRange range(const double* u) const;
   Extremes widen_to(const double* u, bool at_end);
   void look(double t, const double* u, const Extremes& own);
+  void pass(Tracked& node, double from, double to, double psi) const;
   double step_to_next_rank(const double* u) const;
   int count_pulses(const Passages& own) const;
   bool phase_is_due(double t) const;
@@ -84,7 +91,8 @@ class FieldWatch {
   std::vector<PhasePlace> phase_places_;
   int mode_ = -1, pulses_ = 0;  // pulses at the beginning (-1: not yet seen) and at the last moment
   double steepest_ = 0;
-  double largest_range_ = 0;  // of this rank's nodes, once the last step is known
+  double largest_range_ = 0;                 // of this rank's nodes, once the last step is known
+  double moved_steps_ = 0, moved_time_ = 0;  // of clusters
 };
 
 }  // namespace stickslip

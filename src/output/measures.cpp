@@ -46,40 +46,58 @@ double largest_of(const Lagrange& through, const double* values, double low, dou
 // ---- period ----
 
 Period::Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact)
-    : probes_(model, whole, x), work_(model.create_vector()), name_(seen_from(whole, "period")),
-      forward_(forward(whole)), level_(whole.v), depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)),
-      begin_(t_end / 2), exact_(exact), places_(x.size()) {}
+    : probes_(model, whole, x), attention_(probes_.nodes(), model.scene().n), work_(model.create_vector()),
+      name_(seen_from(whole, "period")), forward_(forward(whole)), level_(whole.v),
+      depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact),
+      places_(x.size()) {}
 
 void Period::plan(ObservationPlan& plan) {
+  by_clusters_ = plan.by_clusters;
   if (exact_ && !places_.empty()) announce_from(begin_, plan);
 }
 
 void Period::step(const ObservedStep& step) {
   if (step.t < begin_ || places_.empty()) return;
-  if (exact_ && step.t_before < begin_) {  // the first one: from the beginning of the half on
+  if (!exact_) return see(step.t, probes_.read(step.u).psi);
+  if (step.t_before < begin_) {  // the first one: from the beginning of the half on
     step.interpolate(begin_, work_);
     seen_.push_back({begin_, probes_.read(work_).psi});
   }
   seen_.push_back({step.t, probes_.read(step.u).psi});
   if (seen_.size() > 4) seen_.erase(seen_.begin());
   if (seen_.size() < 2) return;
-  for (std::size_t p = 0; p < places_.size(); ++p) {
-    if (exact_) {
-      pass(p, [&](double t) {
-        step.interpolate(t, work_);
-        return probes_.read(work_).psi[p];
-      });
-      continue;
-    }
+  for (std::size_t p = 0; p < places_.size(); ++p)
     pass(p, [&](double t) {
-      std::vector<double> times, values;
-      for (const Moment& moment : seen_) {
-        times.push_back(moment.t);
-        values.push_back(moment.psi[p]);
-      }
-      return Lagrange(times).value(values.data(), t);
+      step.interpolate(t, work_);
+      return probes_.read(work_).psi[p];
     });
-  }
+}
+
+void Period::see(double t, const std::vector<double>& psi) {
+  if (!seen_.empty() && !(t > seen_.back().t)) return;
+  seen_.push_back({t, psi});
+  if (seen_.size() > 4) seen_.erase(seen_.begin());
+  if (seen_.size() < 2) return;
+  std::vector<double> times;
+  for (const Moment& moment : seen_) times.push_back(moment.t);
+  for (std::size_t p = 0; p < places_.size(); ++p)
+    pass(p, [&](double at) {
+      std::vector<double> values;
+      for (const Moment& moment : seen_) values.push_back(moment.psi[p]);
+      return Lagrange(times).value(values.data(), at);
+    });
+}
+
+void Period::see(double t, const MediumNow& now) {
+  see(t, probes_.read([&](PetscInt i, double* u) { now.node(i, t, u); }).psi);
+}
+
+void Period::moved(const MovedNodes& nodes, const MediumNow& now) {
+  if (nodes.t1 >= begin_ && attention_.moved(nodes)) see(nodes.t1, now);
+}
+
+void Period::changed(double t, const MediumNow& now) {
+  if (attention_.changed(now) && t >= begin_) see(t, now);
 }
 
 // Looks for a passage between the last two moments.
@@ -119,6 +137,8 @@ void Period::archive(Archive& a) {
       x(moment.t, moment.psi);
     });
   });
+  if (a.restores() ? a.has("period.advanced") : by_clusters_)
+    a.list("period.advanced", [&](NumberList& x) { attention_.archive(x); });
 }
 
 // ---- amplitude ----

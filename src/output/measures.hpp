@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "output/cluster_rows.hpp"
 #include "output/field_watch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/measure.hpp"
@@ -33,6 +34,8 @@ class Period final : public Measure {
 
   void plan(ObservationPlan& plan) override;
   void step(const ObservedStep& step) override;
+  void moved(const MovedNodes& nodes, const MediumNow& now) override;
+  void changed(double t, const MediumNow& now) override;
   void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;  // `period`
   std::vector<double> values() const override;       // one at each place
@@ -45,13 +48,16 @@ class Period final : public Measure {
     double t;
     std::vector<double> psi;
   };
+  void see(double t, const std::vector<double>& psi);
+  void see(double t, const MediumNow& now);
   void pass(std::size_t place, const std::function<double(double)>& psi_at);
 
   Probes probes_;
+  Attention attention_;
   VecHandle work_;
   std::string name_;  // of the passages in a checkpoint
   double forward_, level_, depth_, begin_;
-  bool exact_;
+  bool exact_, by_clusters_ = false;
   std::vector<Place> places_;
   std::vector<Moment> seen_;  // up to four, the newest last
 };

@@ -58,8 +58,7 @@ double FrictionAt::force(std::size_t place, double psi, double state) const {
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
   const bool varies = whole.laws_differ();
   if (!varies) friction_ = Friction::of(whole.friction);
-  std::vector<PetscInt> nodes;
-  std::vector<double> places;  // of them
+  std::vector<double> places;  // of the nodes
   const NodesAround around(whole);
   for (const double at : x) {
     const Combination combination = around.at(at);
@@ -70,8 +69,8 @@ Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>
     for (const auto& [node, weight] : combination) {
       const double excess =
           spread ? friction_amplitude_at(whole, at) - friction_amplitude_at(whole, whole.x(node)) : 0;
-      row.push_back({nodes.size(), weight, excess});
-      nodes.push_back(node % model.scene().n);
+      row.push_back({nodes_.size(), weight, excess});
+      nodes_.push_back(node % model.scene().n);
       places.push_back(whole.x(node));
     }
     rows_.push_back(std::move(row));
@@ -82,7 +81,7 @@ Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>
     own_.emplace(whole, places);
   }
   std::vector<PetscInt> entries;
-  for (const PetscInt node : nodes)
+  for (const PetscInt node : nodes_)
     for (PetscInt d = 0; d < dof_; ++d) entries.push_back(node * dof_ + d);
   const auto count = static_cast<PetscInt>(entries.size());
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_.out()));
@@ -98,7 +97,16 @@ const Probes::Values& Probes::read(Vec u) {
   if (rows_.empty()) return values_;
   SS_TRY(VecScatterBegin(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
   SS_TRY(VecScatterEnd(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  const Reading a(fetched_);
+  return values_of(Reading(fetched_));
+}
+
+const Probes::Values& Probes::read(const std::function<void(PetscInt, double*)>& node) {
+  std::vector<double> values(nodes_.size() * std::size_t(dof_));
+  for (std::size_t k = 0; k < nodes_.size(); ++k) node(nodes_[k], &values[k * std::size_t(dof_)]);
+  return values_of(values.data());
+}
+
+const Probes::Values& Probes::values_of(const double* a) {
   for (std::size_t row = 0; row < rows_.size(); ++row) {
     double psi = 0, eta = 0;
     for (const Part& part : rows_[row]) {

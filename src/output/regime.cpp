@@ -85,7 +85,7 @@ struct Regime::Impl {
   double growth_resolved = growth;  // what the summary says; `growth` decides the word
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
-  bool jumps_at_rest;
+  bool jumps_at_rest, by_clusters = false;
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
@@ -185,8 +185,19 @@ void Regime::step(const ObservedStep& step) {
   impl_->field.step(step);
 }
 
+void Regime::plan(ObservationPlan& plan) {
+  impl_->by_clusters = plan.by_clusters;
+  if (plan.by_clusters) plan.next_times.emplace_back([this](double t) { return impl_->field.next_look(t); });
+}
+
+void Regime::moved(const MovedNodes& nodes, const MediumNow&) {
+  impl_->measured.reset();
+  impl_->traces.moved(nodes);
+  impl_->field.moved(nodes);
+}
+
 void Regime::archive(Archive& a) {
-  if (impl_->traces.archive(a)) return impl_->field.archive(a);
+  if (impl_->traces.archive(a, impl_->by_clusters)) return impl_->field.archive(a, impl_->by_clusters);
   warn("restart: the checkpoint holds no record of the motion so far; the regime is judged from t = " +
        number_text(a.t()) + " on");
 }

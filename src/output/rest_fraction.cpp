@@ -5,6 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/moved_nodes.hpp"
 
 namespace stickslip {
 
@@ -24,6 +25,12 @@ RestFraction::RestFraction(const Model& model, double t_end)
 
 void RestFraction::step(const ObservedStep& step) {
   const double begin = std::max(step.t_before, 0.75 * t_end_), dt = std::max(step.t - begin, 0.);
+  measured_ += dt;
+  if (by_clusters_) {
+    rested_[0] +=
+        dt * (model_.scene().n - double(model_.held(0)) - double(model_.held(model_.scene().n - 1)));
+    return;
+  }
   const Reading a(step.u);
   for (PetscInt i = 0; i < model_.local(); ++i) {
     if (model_.held(model_.first() + i)) continue;
@@ -31,7 +38,13 @@ void RestFraction::step(const ObservedStep& step) {
     rested_[0] += dt * rests * rests_[i];
     rests_[i] = rests;
   }
-  measured_ += dt;
+}
+
+// What is advanced and slides does not rest.
+void RestFraction::moved(const MovedNodes& m, const MediumNow&) {
+  const double dt = m.t1 - std::max(m.t0, 0.75 * t_end_);
+  for (PetscInt k = 0; k < m.count && dt > 0; ++k)
+    if (m.direction[k] != 0 && !model_.held((m.first + k) % model_.scene().n)) rested_[0] -= dt;
 }
 
 void RestFraction::archive(Archive& a) {

@@ -16,7 +16,9 @@ class RestFraction : public Observer {
   // Of a run that ends at t_end.
   RestFraction(const Model& model, double t_end);
 
+  void plan(ObservationPlan& plan) override { by_clusters_ = plan.by_clusters; }
   void step(const ObservedStep& step) override;
+  void moved(const MovedNodes& nodes, const MediumNow& now) override;
   void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;
 
@@ -26,6 +28,7 @@ class RestFraction : public Observer {
   std::vector<double> rests_;   // 1 or 0 of each of this rank's nodes, at the end of the last step
   std::vector<double> rested_;  // the time that they did, added up
   double measured_ = 0;         // time that was looked at
+  bool by_clusters_ = false;
 };
 
 }  // namespace stickslip

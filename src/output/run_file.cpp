@@ -177,7 +177,8 @@ void RunFile::Writer::resume(const Resume& from) {
   std::vector<h5::EarlierRows> sources;
   for (Table& table : tables) {
     const bool is_events = table.group.rfind("events", 0) == 0;  // known to have ended one step later
-    sources.push_back(h5::earlier_rows(old, from.path, table, from.until, is_events));
+    const bool is_later = is_events || (layout.tells_rows_later && !table.group.empty());
+    sources.push_back(h5::earlier_rows(old, from.path, table, from.until, is_later));
     table.capacity += sources.back().rows;
     if (!table.by_ranks) table.capacity = std::min(table.capacity, Table::most_rows);
   }

@@ -1,5 +1,7 @@
 #include "output/series.hpp"
 
+#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "base/broadcast.hpp"
@@ -21,8 +23,7 @@ FieldStatistics statistics(const Model& model, Vec u) {
 
 struct Series::Row {
   FieldStatistics fields;
-  const ObservedStep& step;
-  double v, plate_time;
+  double dt, steps, rejections, v, plate_time;
   Energy energy;  // of the whole scene
 };
 
@@ -33,9 +34,10 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool e
       {{"psi_min", "length/time", "least psi"}, [](const Row& r) { return r.fields.psi_min; }},
       {{"psi_max", "length/time", "largest psi"}, [](const Row& r) { return r.fields.psi_max; }},
       {{"eta_mean", "1", "mean of eta over the nodes"}, [](const Row& r) { return r.fields.eta_mean; }},
-      {{"dt", "time", "step taken"}, [](const Row& r) { return r.step.t - r.step.t_before; }},
-      {{"step", "1", "steps so far"}, [](const Row& r) { return double(r.step.index); }},
-      {{"rejections", "1", "rejected steps so far"}, [](const Row& r) { return double(r.step.rejections); }}};
+      {{"dt", "time", "step taken; with clusters the time since the row before"},
+       [](const Row& r) { return r.dt; }},
+      {{"step", "1", "steps so far"}, [](const Row& r) { return r.steps; }},
+      {{"rejections", "1", "rejected steps so far"}, [](const Row& r) { return r.rejections; }}};
   const std::vector<RowColumn<Row>> of_load = {
       {{"v", "length/time", "velocity of the driving plate"}, [](const Row& r) { return r.v; }}};
   const std::vector<RowColumn<Row>> of_halt = {{{"plate_time", "time", "with `load_halt`: the plate's clock"},
@@ -58,9 +60,10 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool e
   return columns;
 }
 
-Series::Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate)
+Series::Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate,
+               std::int64_t every)
     : model_(model), plate_(plate),
-      displacement_(displacement && displacement->has_energy() ? displacement : nullptr) {
+      displacement_(displacement && displacement->has_energy() ? displacement : nullptr), every_(every) {
   const Scene& cell = model.scene();
   const PetscInt blocks = whole.n / cell.n;  // whole cells
   if (displacement && !displacement_)
@@ -71,29 +74,119 @@ Series::Series(const Model& model, const Scene& whole, const Displacement* displ
 
 std::vector<Field> Series::fields() { return fields_of(columns(true, true, true)); }
 
-void Series::plan(ObservationPlan& plan) { plan.layout.series = fields_of(columns_); }
+void Series::plan(ObservationPlan& plan) {
+  plan.layout.series = fields_of(columns_);
+  by_clusters_ = plan.by_clusters;
+}
 
 void Series::step(const ObservedStep& step) {
-  Row row{statistics(model_, step.u), step, model_.plate_velocity(step.t), plate_.at(step.t), {}};
+  if (by_clusters_ ? step.index > 0 && !displacement_ : step.index % every_ != 0) return;
+  Row row{statistics(model_, step.u),
+          step.t - (by_clusters_ ? last_ : step.t_before),
+          double(step.index),
+          double(step.rejections),
+          model_.plate_velocity(step.t),
+          plate_.at(step.t),
+          {}};
   if (displacement_) {
     const Energy e = displacement_->energy(step.u, step.t);
     row.energy = {cells_ * e.kinetic, cells_ * e.elastic, cells_ * e.input, cells_ * e.friction,
                   cells_ * e.viscous};
   }
-  file_->row("series", step.t, numbers_of(columns_, row));
+  if (!by_clusters_) return file_->row("series", step.t, numbers_of(columns_, row));
+  put(step.t, row);
+  shown_ = step.t;
+}
+
+void Series::put(double t, const Row& row) {
+  row_.put(t, numbers_of(columns_, row), writer());
+  last_ = t;
+  changes_ = node_steps_ = 0;
+}
+
+void Series::put(double t, const MediumNow& now) {
+  if (t == shown_) return;  // and its energies are known
+  const MediumNow::Totals all = now.totals(t);
+  const auto n = double(model_.scene().n);
+  const Load& load = model_.scene().load;
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  Row row{{all.psi_min, all.psi_max, all.psi_sum / n, all.eta_sum / n},
+          t - last_,
+          double(now.steps()),
+          double(now.rejections()),
+          halts(model_.scene()) ? (plate_.goes ? model_.scene().v : 0)
+          : load.varies()       ? load.in_piece(load.piece_from(std::nextafter(t, 0.)), t)
+                                : model_.scene().v,
+          plate_.at(t),
+          {unknown, unknown, unknown, unknown, unknown}};
+  put(t, row);
+}
+
+void Series::changed(double t, const MediumNow& now) {
+  if (++changes_ >= double(every_)) put(t, now);
+}
+
+void Series::moved(const MovedNodes& nodes, const MediumNow& now) {
+  node_steps_ += nodes.count;
+  if (node_steps_ >= double(every_) * double(now.advanced())) put(nodes.t1, now);
+}
+
+RowOfTime::Write Series::writer() const {
+  return [this](double t, const std::vector<double>& row) { file_->row("series", t, row); };
+}
+
+void Series::told_until(double t) { row_.write_until(t, writer()); }
+
+void Series::archive(Archive& a) {
+  if (a.restores() ? !a.has("series.row") : !by_clusters_) return;
+  a("series.since_row", last_, changes_, node_steps_, shown_);
+  row_.archive(a, "series.row");
 }
 
 ProbeRows::ProbeRows(const Model& model, const Scene& whole, std::vector<double> x)
-    : x_(std::move(x)), probes_(model, whole, x_) {}
+    : x_(std::move(x)), probes_(model, whole, x_), attention_(probes_.nodes(), model.scene().n) {}
 
-void ProbeRows::plan(ObservationPlan& plan) { plan.layout.probe_x = x_; }
+void ProbeRows::plan(ObservationPlan& plan) {
+  plan.layout.probe_x = x_;
+  by_clusters_ = plan.by_clusters;
+}
 
 void ProbeRows::step(const ObservedStep& step) {
   if (!file_ || x_.empty()) return;
-  const Probes::Values& values = probes_.read(step.u);
+  if (by_clusters_)
+    put(step.t, probes_.read(step.u));
+  else
+    file_->row("probes", step.t, row(probes_.read(step.u)));
+}
+
+std::vector<double> ProbeRows::row(const Probes::Values& values) {
   std::vector<double> row = values.psi;
   row.insert(row.end(), values.eta.begin(), values.eta.end());
-  file_->row("probes", step.t, row);
+  return row;
+}
+
+void ProbeRows::put(double t, const Probes::Values& values) { row_.put(t, row(values), writer()); }
+
+void ProbeRows::moved(const MovedNodes& nodes, const MediumNow& now) {
+  if (file_ && attention_.moved(nodes))
+    put(nodes.t1, probes_.read([&](PetscInt i, double* u) { now.node(i, nodes.t1, u); }));
+}
+
+void ProbeRows::changed(double t, const MediumNow& now) {
+  if (file_ && attention_.changed(now))
+    put(t, probes_.read([&](PetscInt i, double* u) { now.node(i, t, u); }));
+}
+
+RowOfTime::Write ProbeRows::writer() const {
+  return [this](double t, const std::vector<double>& row) { file_->row("probes", t, row); };
+}
+
+void ProbeRows::told_until(double t) { row_.write_until(t, writer()); }
+
+void ProbeRows::archive(Archive& a) {
+  if (x_.empty() || (a.restores() ? !a.has("probes.row") : !by_clusters_)) return;
+  a.list("probes.advanced", [&](NumberList& x) { attention_.archive(x); });
+  row_.archive(a, "probes.row");
 }
 
 void ProbeRows::summarise(Summary& summary, Vec u) {

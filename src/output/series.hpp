@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "output/cluster_rows.hpp"
 #include "output/row_columns.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/output/displacement.hpp"
@@ -17,20 +18,31 @@ struct FieldStatistics {
 };
 FieldStatistics statistics(const Model& model, Vec u);  // collective
 
-// series/...: statistics, the step and, where the displacement is known, the energy balance.
+// series/...: statistics, the step and, where the displacement is known, the energy balance. A row for each
+// step, or for every so many. Where only what slides is advanced: for every so many times at which nodes begin
+// to slide or stop, and else when the nodes that are advanced have taken a step on the average; the energies
+// are known at the times of frames, and NaN elsewhere.
 class Series : public Observer {
  public:
   // `displacement`: nullptr, or the caller's; `plate` is.
-  Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate);
+  Series(const Model& model, const Scene& whole, const Displacement* displacement, const Plate& plate,
+         std::int64_t every);
 
   static std::vector<Field> fields();  // all that there may be
 
   void plan(ObservationPlan& plan) override;
+  void archive(Archive& a) override;
   void start(RunFile* file) override { file_ = file; }
   void step(const ObservedStep& step) override;
+  void moved(const MovedNodes& nodes, const MediumNow& now) override;
+  void changed(double t, const MediumNow& now) override;
+  void told_until(double t) override;
 
  private:
   struct Row;
+  RowOfTime::Write writer() const;
+  void put(double t, const Row& row);
+  void put(double t, const MediumNow& now);
   // `load`: it varies; `halt`: the plate has a clock of its own; `energy`: its balance is known.
   static std::vector<RowColumn<Row>> columns(bool load, bool halt, bool energy);
 
@@ -39,22 +51,40 @@ class Series : public Observer {
   std::vector<RowColumn<Row>> columns_;
   const Displacement* displacement_;  // nullptr without a balance of energy
   double cells_;                      // equal ones in the whole scene
+  std::int64_t every_;
   RunFile* file_ = nullptr;
+  // by clusters
+  RowOfTime row_;
+  bool by_clusters_ = false;
+  double last_ = 0, changes_ = 0, node_steps_ = 0;  // the last row; since it
+  double shown_ = -1;                               // the last one of the whole medium
 };
 
-// probes/psi and probes/eta, and `probes` in the summary.
+// probes/psi and probes/eta, and `probes` in the summary. Where only what slides is advanced: rows at the ends
+// of steps of the clusters that probes look at, and where these begin and end.
 class ProbeRows : public Observer {
  public:
   ProbeRows(const Model& model, const Scene& whole, std::vector<double> x);
 
   void plan(ObservationPlan& plan) override;
+  void archive(Archive& a) override;
   void start(RunFile* file) override { file_ = file; }
   void step(const ObservedStep& step) override;
+  void moved(const MovedNodes& nodes, const MediumNow& now) override;
+  void changed(double t, const MediumNow& now) override;
+  void told_until(double t) override;
   void summarise(Summary& summary, Vec u) override;
 
  private:
+  static std::vector<double> row(const Probes::Values& values);
+  RowOfTime::Write writer() const;
+  void put(double t, const Probes::Values& values);
+
   std::vector<double> x_;
   Probes probes_;
+  Attention attention_;
+  RowOfTime row_;
+  bool by_clusters_ = false;
   RunFile* file_ = nullptr;
 };
 

@@ -46,13 +46,11 @@ double Traces::slope(const Place& place, const Sample& at) const {
   return at.slope = c.A * (at.eta - c.B * at.psi - force);
 }
 
-Traces::Sample Traces::sample(const Place& place, const double* u) const {
-  const int dof = model_.dof();
-  const double* at = u + place.node * dof;
+Traces::Sample Traces::sample(double psi, double eta, double state) const {
   Sample found;
-  found.psi = forward_ * at[0];
-  found.eta = forward_ * at[1];
-  if (dof == 3) found.state = at[2];
+  found.psi = forward_ * psi;
+  found.eta = forward_ * eta;
+  found.state = state;
   return found;
 }
 
@@ -61,8 +59,8 @@ HermiteCubic Traces::cubic(const Place& place, const Sample& from, const Sample&
 }
 
 // psi turns near now_: in the step that led there or in the one of dt that leaves it.
-void Traces::refine(std::size_t k, double dt, double& low, double& high) const {
-  const Sample &before = before_[k], &now = now_[k], &next = next_[k];
+void Traces::refine(std::size_t k, double dt, const Sample& next, double& low, double& high) const {
+  const Sample &before = before_[k], &now = now_[k];
   // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola;
   // where slopes are stiff and steps long, the cubic means nothing.
   const double reach = std::max(std::abs(now.psi - before.psi), std::abs(next.psi - now.psi)) / 3;
@@ -74,7 +72,7 @@ void Traces::refine(std::size_t k, double dt, double& low, double& high) const {
   if ((slope(places_[k], now) > 0) == (now.psi > before.psi))
     cubic(places_[k], now, next, dt).extrema(take);
   else
-    cubic(places_[k], before, now, last_dt_).extrema(take);
+    cubic(places_[k], before, now, last_dt_[k]).extrema(take);
 }
 
 // The last one stands alone where their number is odd: it goes on.
@@ -116,68 +114,109 @@ double Traces::index_of(double t) const {
   return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12)));
 }
 
-// Windows up to the one that holds the end of the step. psi where one ends and the next begins belongs to
+// The window that holds t is begun.
+void Traces::begin_windows_for(double t, double dt) {
+  widen_windows(t, dt);
+  begin_windows(std::max(windows_, static_cast<std::size_t>(index_of(t))));
+}
+
+// Of a place, windows from the one that it has come to on. psi where one ends and the next begins belongs to
 // both; it never lies beyond both ends of the step, where slopes are stiff and the cubic means nothing.
-void Traces::open_windows(const ObservedStep& step) {
-  const double dt = step.t - step.t_before;
-  widen_windows(step.t, dt);
-  const auto needed = static_cast<std::size_t>(index_of(step.t));
-  const std::size_t begun = windows_, count = places_.size();
+void Traces::open_windows(std::size_t k, double t, const Sample& next) {
+  const auto begun = static_cast<std::size_t>(index_of(time_[k])),
+             needed = static_cast<std::size_t>(index_of(t));
   if (needed <= begun) return;
-  begin_windows(needed);
-  std::vector<HermiteCubic> cubics;
-  std::vector<double> least, largest;
-  for (std::size_t k = 0; k < count; ++k) {
-    cubics.push_back(cubic(places_[k], now_[k], next_[k], dt));
-    least.push_back(std::min(now_[k].psi, next_[k].psi));
-    largest.push_back(std::max(now_[k].psi, next_[k].psi));
-  }
+  const Sample& now = now_[k];
+  const double dt = t - time_[k], least = std::min(now.psi, next.psi), largest = std::max(now.psi, next.psi);
+  const HermiteCubic psi = cubic(places_[k], now, next, dt);
+  const std::size_t count = places_.size();
   for (std::size_t w = begun; w < needed; ++w) {
-    const double s = std::clamp((begin_ + double(w) * window_ - step.t_before) / dt, 0., 1.);
-    double *const low = &low_[w * count], *const high = &high_[w * count];
-    for (std::size_t k = 0; k < count; ++k)
-      low[k] = high[k] = std::min(std::max(cubics[k](s), least[k]), largest[k]);
-    double *const low_before = low - count, *const high_before = high - count;
-    for (std::size_t k = 0; k < count; ++k) low_before[k] = std::min(low_before[k], low[k]);
-    for (std::size_t k = 0; k < count; ++k) high_before[k] = std::max(high_before[k], high[k]);
+    const double s = std::clamp((begin_ + double(w) * window_ - time_[k]) / dt, 0., 1.);
+    const double at_border = std::min(std::max(psi(s), least), largest);
+    double &low_before = low_[(w - 1) * count + k], &high_before = high_[(w - 1) * count + k];
+    low_[w * count + k] = high_[w * count + k] = at_border;
+    low_before = std::min(low_before, at_border);
+    high_before = std::max(high_before, at_border);
   }
+}
+
+void Traces::start(double t) {
+  started_ = true;
+  begin_ = t;
+  window_ = std::max(t_end_ - begin_, std::numeric_limits<double>::min()) / finest;
+  begin_windows(1);
+  time_.assign(places_.size(), t);
+  last_dt_.assign(places_.size(), 0.);
 }
 
 void Traces::step(const ObservedStep& step) {
   const Reading values(step.u);
-  next_.clear();
-  for (const Place& place : places_) next_.push_back(sample(place, &values[0]));
-  if (!started_) {
-    started_ = true;
-    begin_ = step.t_before;
-    window_ = std::max(t_end_ - begin_, std::numeric_limits<double>::min()) / finest;
-    begin_windows(1);
-    for (std::size_t k = 0; k < places_.size(); ++k) low_[k] = high_[k] = next_[k].psi;
-    now_ = next_;
+  const bool begins = !started_;
+  if (begins) {
+    start(step.t_before);
+    now_.resize(places_.size());
+    before_.resize(places_.size());
   } else {
-    open_windows(step);
-    take_in(step);
+    begin_windows_for(step.t, step.t - step.t_before);
   }
-  before_.swap(now_);
-  now_.swap(next_);
+  const int dof = model_.dof();
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    const double* const at = &values[places_[k].node * dof];
+    const Sample next = sample(at[0], at[1], dof == 3 ? at[2] : 0);
+    if (begins) {
+      low_[k] = high_[k] = next.psi;
+      before_[k] = now_[k] = next;
+    } else if (step.t > time_[k]) {
+      advance(k, step.t, next);
+    }
+  }
   t_ = step.t;
-  last_dt_ = step.t - step.t_before;
 }
 
-void Traces::take_in(const ObservedStep& step) {
-  const double dt = step.t - step.t_before;
-  const std::size_t first = (windows_ - 1) * places_.size();
-  for (std::size_t k = 0; k < places_.size(); ++k) {
-    const double before = before_[k].psi, now = now_[k].psi, next = next_[k].psi, steady = places_[k].steady;
-    double &low = low_[first + k], &high = high_[first + k];
-    low = std::min(low, next);
-    high = std::max(high, next);
-    if (now < steady && next >= steady) {
-      passages_[first + k] += 1;
-      passed_[first + k] = step.t_before + dt * (steady - now) / (next - now);
-    }
-    if ((next - now) * (now - before) < 0) refine(k, dt, low, high);
+// Places lie in the order of their nodes.
+void Traces::moved(const MovedNodes& m) {
+  const PetscInt n = model_.scene().n;
+  const auto take = [&](PetscInt first, PetscInt last) {
+    auto place = std::lower_bound(places_.begin(), places_.end(), first,
+                                  [](const Place& one, PetscInt node) { return one.node < node; });
+    for (; place != places_.end() && place->node <= last; ++place)
+      follow(std::size_t(place - places_.begin()), m, m.place(place->node, n));
+  };
+  take(m.first, std::min(m.first + m.count, n) - 1);
+  if (m.first + m.count > n) take(0, m.first + m.count - n - 1);
+}
+
+void Traces::follow(std::size_t k, const MovedNodes& m, PetscInt at) {
+  if (!(m.t1 > time_[k])) return;
+  begin_windows_for(m.t1, m.t1 - m.t0);
+  const auto of = [&](const MovedNodes::End& end) {
+    return sample(end.psi[at], end.eta[at], end.state ? end.state[at] : 0);
+  };
+  if (m.t0 > time_[k]) advance(k, m.t0, of(m.begin));
+  advance(k, m.t1, of(m.end));
+}
+
+// The place has `next` at t.
+void Traces::advance(std::size_t k, double t, const Sample& next) {
+  open_windows(k, t, next);
+  take_in(k, t, next);
+  last_dt_[k] = t - time_[k];
+  time_[k] = t;
+  before_[k] = now_[k];
+  now_[k] = next;
+}
+
+void Traces::take_in(std::size_t k, double t, const Sample& sample) {
+  const double dt = t - time_[k], before = before_[k].psi, now = now_[k].psi, next = sample.psi,
+               steady = places_[k].steady;
+  const std::size_t at = (static_cast<std::size_t>(index_of(t)) - 1) * places_.size() + k;
+  low_[at] = std::min(low_[at], next);
+  high_[at] = std::max(high_[at], next);
+  if (now < steady && next >= steady) {
+    passages_[at] += 1;
+    passed_[at] = time_[k] + dt * (steady - now) / (next - now);
   }
+  if ((next - now) * (now - before) < 0) refine(k, dt, sample, low_[at], high_[at]);
 }
 
 MotionRecord Traces::record() const {
@@ -208,17 +247,20 @@ MotionRecord Traces::record() const {
   return r;
 }
 
-bool Traces::archive(Archive& a) {
+bool Traces::archive(Archive& a, bool by_clusters) {
   const std::string name = seen_from(model_.scene(), "traces.windows");
   if (!a.has(name)) return false;
   std::size_t windows = started_ ? windows_ : 0;
-  a(name, begin_, window_, t_, last_dt_, windows);
+  double last_dt = last_dt_.empty() ? 0 : last_dt_[0];
+  a(name, begin_, window_, t_, last_dt, windows);
   if (windows == 0) return false;
   if (windows > most_windows) throw std::runtime_error("its measurements do not fit the scene");
   started_ = true;
   begin_windows(windows);
   now_.resize(places_.size());
   before_.resize(places_.size());
+  time_.resize(places_.size(), t_);
+  last_dt_.resize(places_.size(), last_dt);
   for (const auto& [part, values] : {std::pair{"traces.low", &low_},
                                      {"traces.high", &high_},
                                      {"traces.passages", &passages_},
@@ -235,6 +277,13 @@ bool Traces::archive(Archive& a) {
       for (double* value : {&sample->psi, &sample->eta, &sample->state}) samples.push_back({at++, value});
   }
   a.spread("traces.samples", 6 * count_, samples);
+  if (a.restores() ? !a.has("traces.times") : !by_clusters) return true;
+  std::vector<Archive::Own> times;
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    times.push_back({2 * places_[k].index, &time_[k]});
+    times.push_back({2 * places_[k].index + 1, &last_dt_[k]});
+  }
+  a.spread("traces.times", 2 * count_, times);
   return true;
 }
 

@@ -8,13 +8,15 @@
 // when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
 // windows, however many steps it takes; that of a run stopped long before its end in half as many as it has
 // taken steps, if these are fewer. Costs the same at any number of nodes; nothing is communicated before
-// record().
+// record(). Where only what slides is advanced each place goes on by the steps of its cluster, and rests from
+// one to the next.
 #pragma once
 
 #include <functional>
 #include <limits>
 #include <vector>
 
+#include "model/moved_nodes.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
@@ -40,11 +42,12 @@ class Traces {
   Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end);
 
   void step(const ObservedStep& step);
+  void moved(const MovedNodes& nodes);
   MotionRecord record() const;  // the same on every rank; valid until the next step; collective
 
   // False where there is nothing to save or restore: then the record begins where the run goes on.
   // Collective.
-  bool archive(Archive& a);
+  bool archive(Archive& a, bool by_clusters);
 
  private:
   struct Sample {
@@ -56,25 +59,29 @@ class Traces {
     std::size_t index;  // among all places
     double steady;
   };
-  Sample sample(const Place& place, const double* u) const;
-  void open_windows(const ObservedStep& step);
-  void take_in(const ObservedStep& step);
+  Sample sample(double psi, double eta, double state) const;
+  void start(double t);
+  void begin_windows_for(double t, double dt);
+  void follow(std::size_t place, const MovedNodes& nodes, PetscInt at);
+  void advance(std::size_t place, double t, const Sample& next);
+  void open_windows(std::size_t place, double t, const Sample& next);
+  void take_in(std::size_t place, double t, const Sample& next);
   void begin_windows(std::size_t until);
   void widen_windows(double t, double dt);
   double index_of(double t) const;
   void join_pairs();
   double slope(const Place& place, const Sample& at) const;
   HermiteCubic cubic(const Place& place, const Sample& from, const Sample& to, double dt) const;
-  void refine(std::size_t place, double dt, double& low, double& high) const;
+  void refine(std::size_t place, double dt, const Sample& next, double& low, double& high) const;
 
   const Model& model_;
-  double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
+  double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0;
   bool started_ = false;
-  std::size_t count_ = 0;      // places on all ranks
-  std::size_t windows_ = 1;    // begun
-  std::vector<Place> places_;  // of this rank
-  // of each: at the last step but one, at the last, at the one to be taken in
-  std::vector<Sample> before_, now_, next_;
+  std::size_t count_ = 0;                               // places on all ranks
+  std::size_t windows_ = 1;                             // begun
+  std::vector<Place> places_;                           // of this rank
+  std::vector<Sample> before_, now_;                    // of each: at the last step but one, at the last
+  std::vector<double> time_, last_dt_;                  // of that: when, and how long
   std::vector<double> low_, high_, passages_, passed_;  // windows x places of this rank
 };
 

@@ -1,7 +1,11 @@
 #include "study/simulate_clusters.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
+#include "base/log_stage.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -12,27 +16,36 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-// What clusters do, for the catalogue, which is told of an event when its end lies behind: so the rows of a
-// file up to the time of a checkpoint, but not those at that time, are known to it, as with whole steps.
+// What clusters do, for the observers and the catalogue, which is told of an event when its end lies behind:
+// so the rows of a file up to the time of a checkpoint, but not those at that time, are known to it, as with
+// whole steps.
 class ClusterRun::Told : public Clusters::Watcher {
  public:
-  Told(const Scene& scene, bool ruptures, const Clusters& clusters, const Plate& plate)
-      : events_(scene, ruptures), halts_(halts(scene)), clusters_(clusters), plate_(plate) {}
+  Told(const Scene& scene, Wanted wanted, const Clusters& clusters, const Plate& plate)
+      : halts_(halts(scene)), clusters_(clusters), plate_(plate) {
+    if (wanted.events) events_.emplace(scene, wanted.ruptures);
+  }
 
-  void step(const MovedNodes& nodes) override { events_.step(nodes); }
+  void step(const MovedNodes& nodes) override {
+    if (events_) events_->step(nodes);
+    for (Observer* observer : observers) observer->moved(nodes, clusters_);
+  }
   void change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops) override {
-    tell_until(t);
-    events_.change(t, starts, stops, [&](PetscInt i) { return clusters_.eta_at_rest(i, t); });
-    for (SlipEvent& event : events_.ended()) ended_.push_back({std::move(event), plate_.at(t)});
+    for (Observer* observer : observers) observer->changed(t, clusters_);
+    if (!events_) return;
+    take_until(t);
+    events_->change(t, starts, stops, [&](PetscInt i) { return clusters_.eta_at_rest(i, t); });
+    for (SlipEvent& event : events_->ended()) ended_.push_back({std::move(event), plate_.at(t)});
   }
   void tell_until(double t) {
-    const auto later =
-        std::find_if(ended_.begin(), ended_.end(), [&](const Ended& e) { return e.event.end >= t; });
-    for (auto one = ended_.begin(); one != later && take; ++one) take(one->event, one->plate_time);
-    ended_.erase(ended_.begin(), later);
+    take_until(t);
+    for (Observer* observer : observers) observer->told_until(t);
   }
+  // Of steps under way where the run ends, which events do not end in.
+  void step_no_further() { events_.reset(); }
   void archive(Archive& a) {
-    events_.archive(a);
+    if (!events_) return;
+    events_->archive(a);
     a.list("events.ended_in_clusters", [&](NumberList& x) {
       x.rest(ended_, [&](Ended& ended) {
         SlipEvent& e = ended.event;
@@ -47,13 +60,21 @@ class ClusterRun::Told : public Clusters::Watcher {
   }
 
   std::function<void(const SlipEvent&, double plate_time)> take;
+  std::vector<Observer*> observers;
 
  private:
   struct Ended {
     SlipEvent event = {};
     double plate_time = 0;
   };
-  ClusterEvents events_;
+  void take_until(double t) {
+    const auto later =
+        std::find_if(ended_.begin(), ended_.end(), [&](const Ended& e) { return e.event.end >= t; });
+    for (auto one = ended_.begin(); one != later && take; ++one) take(one->event, one->plate_time);
+    ended_.erase(ended_.begin(), later);
+  }
+
+  std::optional<ClusterEvents> events_;
   const bool halts_;
   std::vector<Ended> ended_;  // in order of their ends
   const Clusters& clusters_;
@@ -62,14 +83,14 @@ class ClusterRun::Told : public Clusters::Watcher {
 
 ClusterRun::ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted)
     : model_(model), clusters_(model, plate, atol, rtol) {
-  if (wanted.events) told_ = std::make_unique<Told>(model.scene(), wanted.ruptures, clusters_, plate);
+  told_ = std::make_unique<Told>(model.scene(), wanted, clusters_, plate);
 }
 ClusterRun::~ClusterRun() = default;
 
 void ClusterRun::archive(Archive& a) {
   clusters_.archive(a);
   a("clusters.shown", shown_);
-  if (told_) told_->archive(a);
+  told_->archive(a);
   resumed_ = a.restores();
 }
 
@@ -82,6 +103,7 @@ void ClusterRun::update(double t) {
 
 void ClusterRun::show(const ClusterPlan& plan, Vec u, double t) {
   update(t);
+  model_.begin_load(std::nextafter(t, plan.span.begin));  // at a corner the piece before it
   const VecHandle at = model_.create_vector();
   SS_TRY(VecCopy(u, at));
   const std::function<void(double, Vec)> copy = [&](double, Vec into) { SS_TRY(VecCopy(at, into)); };
@@ -90,9 +112,18 @@ void ClusterRun::show(const ClusterPlan& plan, Vec u, double t) {
   shown_ = t;
 }
 
+// Tells what clusters have done of steps that go on beyond the end.
+void ClusterRun::finish(double t) {
+  told_->step_no_further();
+  clusters_.show_until(t);
+  told_->tell_until(infinity);
+}
+
 void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
+  const LogStage stepping("time stepping");
   const TimeSpan& span = plan.span;
-  if (told_) told_->take = plan.event;
+  told_->take = plan.event;
+  told_->observers = plan.observers;
   clusters_.watch(told_.get());
   if (!resumed_) {
     shown_ = span.begin;
@@ -102,8 +133,9 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
   bool stops = false;
   std::int64_t asked = clusters_.steps();
   const auto ask = [&](double t) {
+    beat("steps");
     update(t);
-    if (told_) told_->tell_until(t);
+    told_->tell_until(t);
     stops = !plan.go_on(report.steps, t);
   };
   const auto go_on = [&](std::int64_t steps, double t) {
@@ -117,21 +149,21 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
                  reached = clusters_.advance(wanted, span.most_steps, go_on);
     update(reached);
     const bool over = clusters_.plate_is_over();
-    if (reached == wanted || over) {
+    if (reached < wanted && !over) {
+      if (!stops) ask(reached);  // after the last step
       clusters_.solution(reached, u);
-      if (reached > shown_) show(plan, u, reached);
-      t = reached;
-      if (over) break;
-      continue;
+      show(plan, u, reached);
+      finish(reached);
+      report.reason = stops ? "stopped" : "ts_max_steps";
+      return;
     }
-    if (!stops) ask(reached);  // after the last step
-    if (told_) told_->tell_until(infinity);
     clusters_.solution(reached, u);
-    report.reason = stops ? "stopped" : "ts_max_steps";
-    return;
+    if (reached > shown_) show(plan, u, reached);
+    t = reached;
+    if (over) break;
   }
   ask(clusters_.plate_is_over() ? report.t : span.end);
-  if (told_) told_->tell_until(infinity);
+  finish(report.t);
   report.reason = clusters_.plate_is_over() ? "ts_max_plate" : "end time";
 }
 

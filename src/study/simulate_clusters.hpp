@@ -1,5 +1,5 @@
-// One run of friction that sticks in which only what slides is advanced (time/clusters.hpp): events as they
-// end, and observers at the times that they have announced.
+// One run of friction that sticks in which only what slides is advanced (time/clusters.hpp): observers as their
+// contract says, and events as they end.
 #pragma once
 
 #include <functional>
@@ -15,7 +15,7 @@ namespace stickslip {
 
 struct ClusterPlan {
   TimeSpan span;
-  std::vector<Observer*> observers;           // see u at span's ends and where next_time says
+  std::vector<Observer*> observers;
   std::function<double(double t)> next_time;  // the first time later than t
   // Takes events as they end, where they are wanted, with what the plate's clock shows then.
   std::function<void(const SlipEvent&, double plate_time)> event;
@@ -33,6 +33,7 @@ class ClusterRun {
   // The plate, whose clock it keeps, must outlive it.
   ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted);
   ~ClusterRun();
+  void limit_steps(double longest) { clusters_.limit_steps(longest); }
 
   // Advances u, from plan.span.begin or from where the checkpoint was; `report` is up to date whenever an
   // observer or go_on is called, and after a Failure.
@@ -49,10 +50,11 @@ class ClusterRun {
   class Told;
   void update(double t);
   void show(const ClusterPlan& plan, Vec u, double t);
+  void finish(double t);
 
   const Model& model_;
   Clusters clusters_;
-  std::unique_ptr<Told> told_;  // where events are wanted
+  std::unique_ptr<Told> told_;
   bool resumed_ = false;
   double shown_ = 0;  // when the observers last saw u
 };

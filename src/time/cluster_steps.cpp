@@ -158,6 +158,7 @@ double ClusterSteps::attempt(Cluster& c, double dt) {
 
 void ClusterSteps::take(Cluster& c) {
   const double corner = loaded_ ? scene_.load.next_corner(c.t0) : infinity;
+  c.dt = std::min(c.dt, longest_step);
   const bool shortened = c.t0 + c.dt >= corner;  // v(t) bends or jumps there
   c.tried = c.dt;
   if (shortened) c.dt = corner - c.t0;
@@ -204,10 +205,20 @@ void ClusterSteps::interpolate(const Cluster& c, double part, double* into) cons
 }
 
 void ClusterSteps::at(const Cluster& c, double t, double* into) const {
-  if (t > c.t0)
-    interpolate(c, (t - c.t0) / c.dt, into);
-  else
-    std::copy(c.block(Cluster::now), c.block(Cluster::now) + c.size, into);
+  if (t > c.t0 && t < c.t1) return interpolate(c, (t - c.t0) / c.dt, into);
+  const double* const u = c.block(t > c.t0 ? Cluster::next : Cluster::now);
+  std::copy(u, u + c.size, into);
+}
+
+void ClusterSteps::node_at(const Cluster& c, PetscInt k, double t, double* u) const {
+  const bool is_inside = t > c.t0 && t < c.t1;
+  std::vector<double> weights;
+  if (is_inside) weights = method_->weights_at((t - c.t0) / c.dt, c.dt);
+  for (int d = 0; d < dof_; ++d) {
+    u[d] = c.column(t > c.t0 && !is_inside ? Cluster::next : Cluster::now, d)[k];
+    for (std::size_t j = 0; j < weights.size(); ++j)
+      u[d] += weights[j] * c.column(Cluster::slopes + int(j), d)[k];
+  }
 }
 
 // ---- where a node starts or stops ----

@@ -54,7 +54,7 @@ class ClusterSteps {
   void accept(Cluster& c) const;
   // All unknowns at a part of its step, from the method's polynomial.
   void interpolate(const Cluster& c, double part, double* into) const;
-  // At a time of its step.
+  // At a time of its step; at its end as it was taken.
   void at(const Cluster& c, double t, double* into) const;
   // The right-hand side f of u, blocks of the cluster both, at a time of its step.
   void take_slope(Cluster& c, double t, double* u, double* f);
@@ -62,6 +62,8 @@ class ClusterSteps {
   double* last_slope(Cluster& c) const {
     return c.block(Cluster::slopes + tableau_.stages - (c.cut ? 0 : 1));
   }
+  // The unknowns of one of its nodes, then.
+  void node_at(const Cluster& c, PetscInt k, double t, double* u) const;
   double* cut_slope(Cluster& c) const { return c.block(Cluster::slopes + tableau_.stages); }
   // N D2 psi of its nodes, where neighbours have viscosity, of a block u; of a slope N D2 psi_t.
   void viscous_force(const Cluster& c, double* u, std::vector<double>& into) const;
@@ -73,6 +75,7 @@ class ClusterSteps {
   double threshold_rate(PetscInt node, double state) const;
 
   std::int64_t rejections = 0, evaluations = 0;
+  double longest_step = std::numeric_limits<double>::infinity();
 
  private:
   void close_ends(const Cluster& c, double* psi) const;

@@ -56,13 +56,18 @@ void Clusters::queue(std::size_t id) {
   due_.push({c.t1, id, c.number = ++counts_.number});
 }
 
-void Clusters::show(Cluster& c, double* u_end, double* slope_end, double t) {
+void Clusters::count(const Cluster& c) {
   ++counts_.steps;
   counts_.node_steps += c.count;
+}
+
+void Clusters::show(Cluster& c, double* u_end, double* slope_end, double t) {
   if (!watcher_) return;
   double *const u = c.block(Cluster::now), *const slope = steps_.first_slope(c);
   const auto at = [&](const double* block, const double* f) {
-    return MovedNodes::End{block + c.place(0), block + c.place(1), f + c.place(0), f + c.place(1)};
+    MovedNodes::End end = {block + c.place(0), block + c.place(1), f + c.place(0), f + c.place(1)};
+    if (dof_ == 3) end.state = block + c.place(2);
+    return end;
   };
   MovedNodes moved{c.t0, t, c.first, c.count, at(u, slope), at(u_end, slope_end), c.direction.data()};
   if (model_.viscous()) {
@@ -79,6 +84,7 @@ void Clusters::show(Cluster& c, double* u_end, double* slope_end, double t) {
 // The step of a cluster that lies behind all others counts.
 void Clusters::commit(std::size_t id) {
   Cluster& c = *clusters_[id];
+  count(c);
   show(c, c.block(Cluster::next), steps_.last_slope(c), c.t1);
   if (c.cut) {
     next_dt_ = c.next_dt;
@@ -113,15 +119,30 @@ void Clusters::cut_back(std::size_t id, double t) {
   std::vector<double> u(c.size);
   steps_.at(c, t, u.data());
   if (t > c.t0) {
-    for (PetscInt k = 0; k < c.count; ++k)  // the polynomial may end behind a stop, by round-off
-      if (double& psi = u[c.place(0) + std::size_t(k)];
-          c.direction[k] * psi < 0 && !scene_.held(steps_.node(c, k)))
-        psi = 0;
-    double* const slope = steps_.cut_slope(c);
-    steps_.take_slope(c, t, u.data(), slope);
-    show(c, u.data(), slope, t);
+    count(c);
+    show_part(c, t, u);
   }
   dissolve(id, u.data(), t);
+}
+
+// Its step up to t, where its unknowns are u.
+void Clusters::show_part(Cluster& c, double t, std::vector<double>& u) {
+  for (PetscInt k = 0; k < c.count; ++k)  // the polynomial may end behind a stop, by round-off
+    if (double& psi = u[c.place(0) + std::size_t(k)];
+        c.direction[k] * psi < 0 && !scene_.held(steps_.node(c, k)))
+      psi = 0;
+  double* const slope = steps_.cut_slope(c);
+  steps_.take_slope(c, t, u.data(), slope);
+  show(c, u.data(), slope, t);
+}
+
+void Clusters::show_until(double t) {
+  for (const auto& one : clusters_) {
+    if (!one || !(t > one->t0)) continue;
+    std::vector<double> u(one->size);
+    steps_.at(*one, t, u.data());
+    show_part(*one, t, u);
+  }
 }
 
 // A plate that halts goes on where no cluster is left.
@@ -376,14 +397,54 @@ void Clusters::solution(double t, Vec u) const {
   }
 }
 
+MediumNow::Totals Clusters::totals(double t) const {
+  Totals all;
+  if (resting_.count() > 0) all.psi_min = all.psi_max = 0;
+  std::vector<double> at;
+  for (const auto& one : clusters_) {
+    if (!one) continue;
+    const Cluster& c = *one;
+    at.resize(c.size);
+    steps_.at(c, t, at.data());
+    const double *const psi = &at[c.place(0)], *const eta = &at[c.place(1)];
+    for (PetscInt k = 0; k < c.count; ++k) {
+      all.psi_min = std::min(all.psi_min, psi[k]);
+      all.psi_max = std::max(all.psi_max, psi[k]);
+      all.psi_sum += psi[k];
+      all.eta_sum += eta[k];
+    }
+  }
+  for (const PetscInt i : freed_) {  // on the way from a cluster to another
+    if (owner_[i] >= 0) continue;
+    all.psi_min = std::min(all.psi_min, psi_[i]);
+    all.psi_max = std::max(all.psi_max, psi_[i]);
+    all.psi_sum += psi_[i];
+    all.eta_sum += resting_.eta(i, clock(t));
+  }
+  for (const PetscInt i : {PetscInt(0), n_ - 1})  // under a plate that halts a held end may belong to none
+    if (scene_.held(i) && owner_[i] < 0) all.eta_sum += resting_.eta(i, clock(t));
+  all.eta_sum += resting_.eta_sum(clock(t));
+  return all;
+}
+
+void Clusters::node(PetscInt i, double t, double* u) const {
+  if (owner_[i] >= 0) {
+    const Cluster& c = *clusters_[std::size_t(owner_[i])];
+    return steps_.node_at(c, i >= c.first ? i - c.first : i + n_ - c.first, t, u);
+  }
+  u[0] = psi_[i];
+  u[1] = resting_.eta(i, clock(t));
+  if (dof_ == 3) u[2] = resting_.state(i, t);
+}
+
 // ---- from a checkpoint ----
 
 std::vector<Clusters::Kept> Clusters::kept() const {
   std::vector<Kept> list;
-  for (const auto& one : clusters_) {
-    if (!one) continue;
-    const Cluster& c = *one;
-    list.push_back({c.first, c.count, c.t0, c.tried, c.number,
+  for (std::size_t place = 0; place < clusters_.size(); ++place) {
+    if (!clusters_[place]) continue;
+    const Cluster& c = *clusters_[place];
+    list.push_back({place, c.first, c.count, c.t0, c.tried, c.number,
                     std::vector<double>(c.block(Cluster::now), c.block(Cluster::now) + c.size), c.direction});
   }
   return list;
@@ -391,7 +452,8 @@ std::vector<Clusters::Kept> Clusters::kept() const {
 
 void Clusters::resume(const std::vector<Kept>& clusters) {
   for (const Kept& kept : clusters) {
-    if (kept.first < 0 || kept.first >= n_ || kept.count < 1 || kept.count > n_)
+    if (kept.first < 0 || kept.first >= n_ || kept.count < 1 || kept.count > n_ ||
+        kept.place >= clusters_.size())
       throw std::runtime_error("its clusters do not fit");
     std::unique_ptr<Cluster> made = steps_.make(kept.first, kept.count);
     Cluster& c = *made;
@@ -400,7 +462,9 @@ void Clusters::resume(const std::vector<Kept>& clusters) {
     c.direction = kept.direction;
     c.t0 = kept.t0;
     c.dt = kept.tried;
-    const std::size_t id = add(std::move(made));
+    const std::size_t id = kept.place;
+    clusters_[id] = std::move(made);
+    ++alive_;
     for (PetscInt k = 0; k < c.count; ++k) {
       const PetscInt i = steps_.node(c, k);
       owner_[i] = int(id);

@@ -35,7 +35,7 @@
 
 namespace stickslip {
 
-class Clusters {
+class Clusters : public MediumNow {
  public:
   // Why clusters cannot be taken for this scene; "" where they can.
   static std::string refusal(const Scene& scene);
@@ -53,13 +53,14 @@ class Clusters {
   // The model and the plate, whose clock it keeps where that halts, must outlive it. Then one of: start() at
   // u; archive() of a checkpoint, with the plate as it was then.
   Clusters(const Model& model, Plate& plate, double atol, double rtol);
-  ~Clusters();
+  ~Clusters() override;
   void start(Vec u, double t);
   // What goes on from a checkpoint goes on to the last bit: each cluster stands at its own time, and its step
   // under way, which has one result, is taken anew.
   template <class Archive>
   void archive(Archive& a);
   void watch(Watcher* watcher) { watcher_ = watcher; }
+  void limit_steps(double longest) { steps_.longest_step = longest; }
 
   // Until all that happens up to t is done, or so many steps in all have been taken, or `go_on`, asked after
   // every step with its number and time, says no. Returns the time reached.
@@ -68,10 +69,17 @@ class Clusters {
   void solution(double t, Vec u) const;
   double eta_at_rest(PetscInt i, double t) const { return resting_.eta(i, clock(t)); }  // since before t
   bool plate_is_over() const { return plate_is_over_; }  // its clock has come to Plate::end
+  Totals totals(double t) const override;
+  void node(PetscInt i, double t, double* u) const override;
+  bool is_advanced(PetscInt i) const override { return owner_[i] >= 0; }
+  PetscInt advanced() const override { return n_ - resting_.count(); }
+  // Shows the watcher what clusters have done up to t, the time reached, of steps that go on beyond it, and
+  // which do not count. Nothing is advanced behind it.
+  void show_until(double t);
 
   double reached() const { return t_; }
-  std::int64_t steps() const { return counts_.steps; }
-  std::int64_t rejections() const { return steps_.rejections; }
+  std::int64_t steps() const override { return counts_.steps; }
+  std::int64_t rejections() const override { return steps_.rejections; }
   std::int64_t node_steps() const {
     return counts_.node_steps;
   }  // steps, each times the nodes of its cluster
@@ -102,7 +110,9 @@ class Clusters {
   void await_release(PetscInt i);
 
   void queue(std::size_t id);
+  void count(const Cluster& c);
   void show(Cluster& c, double* u_end, double* slope_end, double t);
+  void show_part(Cluster& c, double t, std::vector<double>& u);
   void commit(std::size_t id);
   void dissolve(std::size_t id, const double* u, double t);
   void cut_back(std::size_t id, double t);
@@ -114,6 +124,7 @@ class Clusters {
   std::size_t add(std::unique_ptr<Cluster> cluster);
 
   struct Kept {  // of a cluster, in a checkpoint
+    std::size_t place = 0;
     PetscInt first = 0, count = 0;
     double t0 = 0, tried = 0;
     std::int64_t number = 0;
@@ -165,13 +176,20 @@ void Clusters::archive(Archive& a) {
   a.list("clusters.under_way", [&](auto& x) {
     x.rest(clusters, [&](Kept& c) {
       std::size_t size = c.u.size();
-      x(c.first, c.count, c.t0, c.tried, c.number, size);
+      x(c.place, c.first, c.count, c.t0, c.tried, c.number, size);
       c.u.resize(size);
       c.direction.resize(std::size_t(c.count));
       x(c.u, c.direction);
     });
   });
+  // sums are taken in the order of the places
+  std::size_t places = clusters_.size();
+  a.list("clusters.places", [&](auto& x) {
+    x(places);
+    x.rest(unused_, [&](std::size_t& place) { x(place); });
+  });
   if (!a.restores()) return;
+  clusters_.resize(std::min(places, std::size_t(n_)));
   resume(clusters);
   steps_.rejections = rejections;
   steps_.evaluations = evaluations;

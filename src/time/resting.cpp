@@ -63,13 +63,40 @@ double RestingNodes::key(PetscInt i, double direction) const {
   return direction * way(since_[i]) + lacks / K0(i);
 }
 
+// Neumaier's sum.
+void RestingNodes::add(double offset) {
+  const double sum = sum_ + offset;
+  lost_ += std::abs(sum_) >= std::abs(offset) ? (sum_ - sum) + offset : (offset - sum) + sum_;
+  sum_ = sum;
+  ++added_;
+}
+
+void RestingNodes::form_sum() {
+  sum_ = lost_ = 0;
+  for (PetscInt i = 0; i < scene_.n; ++i)
+    if (rests_[i]) add(eta_[i] - K0_ * way(since_[i]));
+  added_ = 0;
+}
+
+double RestingNodes::eta_sum(double t) const { return sum_ + lost_ + K0_ * double(count_) * way(t); }
+
+void RestingNodes::leaves(PetscInt i) {
+  if (!rests_[i]) return;
+  rests_[i] = false;
+  --count_;
+  add(K0_ * way(since_[i]) - eta_[i]);
+  if (added_ > 4 * std::int64_t(scene_.n) + 1000) form_sum();
+}
+
 void RestingNodes::rests(PetscInt i) {
+  add(eta_[i] - K0_ * way(since_[i]));
   for (Side& side : sides_) side.key[i] = key(i, side.direction);
   goes_on_resting(i);
 }
 
 void RestingNodes::goes_on_resting(PetscInt i) {
   rests_[i] = true;
+  ++count_;
   for (Side& side : sides_)
     if (side.key[i] < infinity) side.heap.push({side.key[i], i});
 }
@@ -141,7 +168,7 @@ std::vector<PetscInt> RestingNodes::take_due(double t) {
       // at once, to round-off, with the first of them
       if (key > (by_way() ? side.of : t) && ahead > stick_rule::close * limit) break;
       side.heap.pop();
-      rests_[i] = false;
+      leaves(i);
       set(i, t, side.direction * limit, s);
       due.push_back(i);
     }

@@ -6,6 +6,7 @@
 // moves, so viscosity between neighbours adds nothing.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <queue>
@@ -28,7 +29,12 @@ class RestingNodes {
   // Node i is like this at t; what it does from then on is said by one of the two below it.
   void set(PetscInt i, double t, double eta, double state);
   void rests(PetscInt i);
-  void leaves(PetscInt i) { rests_[i] = false; }  // for a cluster
+  void leaves(PetscInt i);  // for a cluster
+
+  // Of the nodes that rest: how many, and the sum of their eta, formed anew so often, and with what is lost in
+  // each addition added too, that round-off does not gather.
+  PetscInt count() const { return count_; }
+  double eta_sum(double t) const;
 
   // When the next one comes to its threshold, or when that is to be asked again, from t on, to which all is
   // done.
@@ -43,6 +49,7 @@ class RestingNodes {
     if (dof_ == 3) lists.push_back(&state_);
     for (Side& side : sides_) lists.push_back(&side.key);
     a.nodes("clusters.rest", lists);
+    a("clusters.rest_sum", sum_, lost_, added_);
     a.list("clusters.releases", [&](auto& x) {
       for (Side& side : sides_) x(side.time, side.of, side.asked_until);
     });
@@ -69,6 +76,8 @@ class RestingNodes {
            asked_until = -std::numeric_limits<double>::infinity();
   };
   bool by_way() const { return loaded_ && dof_ == 2; }
+  void add(double offset);
+  void form_sum();
   double way(double t) const;
   double K0(PetscInt i) const { return K0_[K0_.size() == 1 ? 0 : std::size_t(i)]; }
   double key(PetscInt i, double direction) const;
@@ -85,6 +94,10 @@ class RestingNodes {
   double longest_;          // as far as a load is looked at ahead
   std::vector<double> eta_, since_, state_;
   std::vector<bool> rests_;
+  // Of the nodes that rest: eta less K0 times the plate's way, by which all of them grow alike.
+  PetscInt count_ = 0;
+  double sum_ = 0, lost_ = 0;
+  std::int64_t added_ = 0;  // since the sum was formed
   std::vector<Side> sides_;
 };
 

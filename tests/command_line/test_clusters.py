@@ -40,11 +40,12 @@ def test_the_work_of_friction_with_a_state_is_of_fourth_order():
 
 
 def test_a_restart_is_the_same_to_the_last_bit():
-    counted = ("steps", "rejections", "rhs_evaluations", "node_steps", "clusters", "events", "largest_moment", "recurrence", "psi_max",
+    counted = ("regime", "regime_rate", "amplitude", "rest_fraction", "period", "psi_low", "pulses", "wave_speed", "steps", "rejections", "rhs_evaluations", "node_steps", "clusters", "events", "largest_moment", "recurrence", "psi_max",
                "eta_mean", "t_end")
     for scene in SCENES[1:4:2]:
         given, _ = drawn_scene(np.random.default_rng([39, scene]))
         given = given.replace("-out_frames 2", "-out_frames 21").replace("-ts_rtol 1e-10 -ts_atol 1e-10", "") + ON
+        given = given.replace("-out_series false", "-out_probes 3,7")
         whole, _ = run(given + " -out_file whole.h5")
         for path in glob.glob("parts*.h5"):
             os.remove(path)
@@ -104,6 +105,113 @@ def test_frames_change_nothing_and_lie_in_the_steps():
             check(np.allclose(other[name][:until], whole[name][:until], rtol=0, atol=1e-6), f"frames of {name}")
 
 
+def rows(path, group):
+    """Columns of a table with one row each time."""
+    with h5py.File(path) as file:
+        found = {name: column[:] for name, column in file[group].items()}
+    check((np.diff(found["t"]) > 0).all(), f"{group}: one row a time")
+    return found
+
+
+def test_rows_are_those_of_whole_steps():
+    # Until chaos parts them: a row of the series at each start and stop, of a probe at each step of its cluster. With a load that
+    # turns the sum over what rests has no short form.
+    loads = "", " -load_sine_amplitude 0.03 -load_sine_period 7"
+    for more in loads:
+        given = CARLSON.replace("-out_frames 2 ", "").replace("-out_series false", "") + more
+        given += " -model_k1 9 -model_v 0.01 -grid_n 60 -bc_left free -ts_max_time 42 -ts_rtol 1e-11 -ts_atol 1e-11 -out_displacement"
+        given += " -out_frames 12 -out_probes 30,31" + start_file(np.random.default_rng(5).uniform(0, 0.7, 60))
+        whole_run, _ = run(given + " -stick_clusters off -out_file whole.h5")
+        own_run, _ = run(given + ON + " -out_file own.h5")
+        whole, own = rows("whole.h5", "series"), rows("own.h5", "series")
+        changes = np.unique(np.r_[catalogue("own.h5")["begin"], catalogue("own.h5")["t"]])
+        check(len(changes) >= 10 and np.isin(changes, own["t"]).all(), f"rows at starts and stops, {len(changes)}")
+        both = [(i, np.argmin(np.abs(whole["t"] - t))) for i, t in enumerate(own["t"])]
+        both = np.array([(i, k) for i, k in both if abs(whole["t"][k] - own["t"][i]) < 1e-8])
+        check(len(both) > 20, f"rows at the same times: {len(both)}")
+        for name in ("psi_mean", "psi_min", "psi_max", "eta_mean") + (("v",) if more else ()):
+            apart = np.abs(whole[name][both[:, 1]] - own[name][both[:, 0]]).max()
+            check(apart < 1e-6, f"{name} differs by {apart}")
+        known = np.isfinite(own["energy_elastic"])
+        check(known.sum() >= 12 and own["t"][-1] == 42, f"energies at frames: {known.sum()}")
+        for name in ("energy_kinetic", "energy_elastic", "power_input", "power_friction", "power_viscous"):
+            check(abs(own[name][-1] - whole[name][-1]) < 1e-6 * abs(whole["power_input"]).max() + 1e-6, f"{name} at the end")
+        mean = own["eta_mean"][-1]
+        whole, own = rows("whole.h5", "probes"), rows("own.h5", "probes")
+        same_time = np.abs(whole["t"][:, None] - own["t"]) < 1e-8
+        whole_rows, own_rows = np.nonzero(same_time)
+        check(len(own_rows) > 12 and own["psi"].max() > 0.1, f"rows of probes at the same times: {len(own_rows)}")
+        for name in ("psi", "eta"):
+            check(np.abs(whole[name][whole_rows] - own[name][own_rows]).max() < 1e-7, f"probes, {name}")
+        with h5py.File("whole.h5") as one, h5py.File("own.h5") as other:
+            check(np.abs(one["chi"][:] - other["chi"][:]).max() < 1e-6, "displacement")
+            check(abs(other["eta"][-1].mean() - mean) < 1e-14, "the sum over what rests")
+        for name in ("regime", "amplitude", "psi_low", "psi_high", "rest_fraction", "pulses", "psi_mean", "measured_over"):
+            one, other = whole_run.get(name), own_run.get(name)
+            # extrema between steps are those of cubics through other steps
+            alike = one == other if not isinstance(one, float) else abs(one - other) < 2e-4 * max(abs(one), 1e-3)
+            check(alike, f"{name}: {one}, {other}")
+
+
+def test_rows_are_kept_for_every_so_many():
+    given = CARLSON.replace("-out_series false", "") + " -model_k1 9 -model_v 0.01 -grid_n 80 -ts_max_time 40 -bc_left free"
+    given += start_file(np.random.default_rng(5).uniform(0, 0.7, 80))
+    for how in (ON, " -stick_clusters off"):
+        run(given + how + " -out_file all.h5")
+        run(given + how + " -out_series_every 5 -out_file some.h5")
+        some, every = rows("some.h5", "series"), rows("all.h5", "series")
+        check(0 < len(some["t"]) < 0.4 * len(every["t"]), f"{how}: {len(some['t'])} of {len(every['t'])}")
+        check(np.isin(some["t"], every["t"]).all() or how == ON, f"{how}: rows of all")
+
+
+def test_sums_over_what_rests_keep_their_digits():
+    # Thousands of starts and stops later the mean of eta is that of the fields.
+    given = CARLSON.replace("-out_series false", "-out_series_every 50").replace("-out_frames 2", "-out_frames 6")
+    run(given + " -model_k1 9 -model_v 1e-3 -grid_n 300 -bc_left free -ts_max_time 3000 -friction_back_slip false -out_displacement"
+        " -out_file s.h5" + start_file(np.random.default_rng(1).uniform(0, 1, 300)) + ON)
+    series = rows("s.h5", "series")
+    with h5py.File("s.h5") as file:
+        for t, eta, psi in zip(file["t"][:], file["eta"][:], file["psi"][:]):
+            k = np.flatnonzero(series["t"] == t)
+            check(len(k) == 1 and abs(series["eta_mean"][k[0]] - eta.mean()) < 1e-12, f"at {t}")
+            check(abs(series["psi_max"][k[0]] - psi.max()) < 1e-15, f"psi at {t}")
+    inside = np.isnan(series["energy_elastic"])
+    check(inside.sum() > 50, f"rows between frames: {inside.sum()}")
+
+
+def test_a_motion_that_repeats():
+    # All blocks alike on a ring: one cluster, which slips and rests. Its rows are those of whole steps in number, and its regime
+    # and period are known.
+    given = ("-model_form chain -model_m 1 -model_k0 1 -model_k1 1 -model_f0 1 -model_zeta 0.3 -friction_law carlson-langer"
+             " -friction_alpha 2 -friction_sigma 0.1 -model_v 0.1 -grid_n 70 -scene_reduce off -init_psi 0 -init_eta 0 -ts_max_time 300"
+             " -out_frames 2 -out_probes 11 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file r.h5")
+    whole, _ = run(given + " -stick_clusters off")
+    of_whole = rows("r.h5", "series")
+    own, _ = run(given + ON)
+    of_own = rows("r.h5", "series")
+    check(0.5 * len(of_whole["t"]) < len(of_own["t"]) < 2 * len(of_whole["t"]), f"{len(of_own['t'])} rows, {len(of_whole['t'])}")
+    check(own["regime"] == whole["regime"] == "stick-slip", f"{own['regime']}, {whole['regime']}")
+    check(own["clusters"] == 1 and own["period"] > 10, f"{own['clusters']}, {own['period']}")
+    for name, bound in (("period", 1e-4), ("rest_fraction", 1e-5), ("amplitude", 1e-4), ("psi_high", 1e-4), ("psi_low", 1e-4)):
+        check(abs(own[name] - whole[name]) <= bound * max(abs(whole[name]), 1e-9), f"{name}: {own[name]}, {whole[name]}")
+    series = of_own["psi_mean"]
+    check(abs(series.max() / own["psi_high"] - 1) < 0.01 and series.min() == 0, "the mean goes from rest to its largest value")
+
+
+def test_auto_takes_clusters_where_they_may_pay():
+    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 5 -out_file a.h5 -grid_n "
+    for more, why in (("100", None), ("20", "nothing is gained"), ("100 -ts_rk_type 7vr", "rk:5dp"), ("100 -ts_type arkimex", "rk:5dp"),
+                      ("100 -ts_adapt_type none -ts_dt 0.1", "fixed steps"), ("100 -ts_adapt_wnormtype 2", "-ts_adapt_wnormtype"),
+                      ("100 -lyapunov_count 1 -ts_max_time 1", "lyapunov_count"), ("100 -ts_rtol 1e-2 -ts_atol 1e-2", "tolerances"),
+                      ("100 -stick_clusters off", "off"), ("100 -friction_stick regularised", "")):
+        s, _ = run(given + more)
+        said = s.get("clusters_reason")
+        check((s["clusters"] is not None) == (why is None), f"{more}: {s['clusters']}, {said}")
+        check(said is None if not why else why in said, f"{more}: {said}")
+    s, _ = run(given + "100", ranks=2)
+    check(s["clusters"] is None and "one rank" in s["clusters_reason"], f"several ranks: {s['clusters_reason']}")
+
+
 def test_an_event_costs_what_slips():
     # Steps of nodes per event, counted: four times the chain, four times the events, the same cost of one.
     cost = []
@@ -126,7 +234,7 @@ def test_limits_and_signals():
     run(given.replace("s.h5", "whole.h5"))
     os.remove("s.h5")
     with subprocess.Popen(line(given + " -ts_max_time 60000"), stderr=subprocess.PIPE, text=True) as process:
-        while not os.path.exists("s.h5"):
+        while not os.path.exists("s.h5"):  # made once signals are heard
             time.sleep(0.01)
         time.sleep(0.05)
         process.send_signal(signal.SIGTERM)

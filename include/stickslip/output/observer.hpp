@@ -13,6 +13,12 @@
 // node by node); it is not to be changed. What an observer wants to see inside a step it announces as times
 // before the first; interpolate() gives u there, of the order of the method's dense output (docs/methods.md),
 // as long as step() lasts.
+//
+// Where only what slides is advanced (plan.by_clusters; one rank then), step() is called at the start, at the
+// end and at the announced times alone, and interpolate() knows no other time than that of the call. What
+// happens in between is told in the order of time: moved() of the steps of some nodes, changed() when some
+// have begun or stopped to slide. An archive is saved after told_until() that time: of all that is told at
+// the time of a checkpoint itself some may come once more.
 #pragma once
 
 #include <petscvec.h>
@@ -29,6 +35,9 @@
 
 namespace stickslip {
 
+struct MovedNodes;  // src/model/moved_nodes.hpp
+class MediumNow;
+
 // One accepted step.
 struct ObservedStep {
   std::int64_t index;  // number of this step, 0 for the start
@@ -43,6 +52,7 @@ struct ObservationPlan {
   // only later times are to come: -1 at the start, the time of the checkpoint afterwards
   double after;
   RunLayout layout;  // what the file will hold; without an out_file nobody reads it
+  bool by_clusters = false;
   // The times inside steps at which an observer interpolates: the first later than `t`, infinity where there
   // is none.
   std::vector<std::function<double(double t)>> next_times;
@@ -65,6 +75,10 @@ class Observer {
   // The file is open: nullptr where none is written. It outlives the last step.
   virtual void start(RunFile*) {}
   virtual void step(const ObservedStep&) = 0;
+  // Where only what slides is advanced.
+  virtual void moved(const MovedNodes&, const MediumNow&) {}
+  virtual void changed(double, const MediumNow&) {}
+  virtual void told_until(double) {}  // nothing before that time is to come
   // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where
   // it failed, so that only what counts steps has something to say.
   virtual void summarise(Summary&, Vec) {}

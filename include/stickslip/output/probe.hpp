@@ -8,6 +8,7 @@
 // A state whose own law has corners has them too: no interpolation reaches over the corners of a profile.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -59,6 +60,9 @@ class Probes {
   };
   // On every rank. Collective.
   const Values& read(Vec u);
+  // From node(i, unknowns), of one rank.
+  const Values& read(const std::function<void(PetscInt, double*)>& node);
+  const std::vector<PetscInt>& nodes() const { return nodes_; }  // that are looked at, of the model
 
  private:
   struct Part {
@@ -69,6 +73,8 @@ class Probes {
   std::optional<FrictionAt> here_, own_;      // at the points and at the nodes, where it is not
   int dof_;
   std::vector<std::vector<Part>> rows_;
+  const Values& values_of(const double* nodes);
+  std::vector<PetscInt> nodes_;
   ScatterHandle scatter_;
   VecHandle fetched_;
   Values values_;

@@ -82,7 +82,9 @@ class Regime : public Observer {
   void know(double growth, double growth_taken, const std::string& why_not = "",
             double beyond = std::numeric_limits<double>::quiet_NaN());
 
+  void plan(ObservationPlan& plan) override;
   void step(const ObservedStep& step) override;
+  void moved(const MovedNodes& nodes, const MediumNow& now) override;
   void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;
 

@@ -45,6 +45,9 @@ struct RunLayout {
   std::vector<Field> rupture;   // events/rupture/NAME of t, the same: a row for each of its nodes
   std::vector<Field> lyapunov;  // lyapunov/NAME of t, the end of an interval
   std::int64_t frames = 0;      // how many are expected to come (any number may)
+  // All rows but frames are told when a later time is: a run that goes on writes those at the time of its
+  // checkpoint itself, as it always does those of events.
+  bool tells_rows_later = false;
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
   // of nodes: what differs along x
