@@ -10,8 +10,9 @@
 
 namespace stickslip {
 
-// One row for each time, the last one that is put there. It is written once a later time is told of, so that a
-// run that goes on from a checkpoint writes the same rows: it takes over those before the checkpoint's time.
+// One row for each time, the last one that is put there. It is written once a later time is told of, so that
+// a run that goes on from a checkpoint writes the same rows: it takes over those before the checkpoint's
+// time.
 class RowOfTime {
  public:
   using Write = std::function<void(double t, const std::vector<double>& row)>;

@@ -17,8 +17,8 @@
 //               where pulses of one direction hold fewer than 80 % of the nodes, or where the times of
 //               passage are off the straight line by more than a tenth of what they climb.
 //
-// Where only what slides is advanced, ranges and passages are those of the steps of clusters, and the whole is
-// shown at the times that next_look() says.
+// Where only what slides is advanced, ranges and passages are those of the steps of clusters, and the whole
+// is shown at the times that next_look() says.
 #pragma once
 
 #include <optional>

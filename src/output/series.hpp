@@ -19,9 +19,9 @@ struct FieldStatistics {
 FieldStatistics statistics(const Model& model, Vec u);  // collective
 
 // series/...: statistics, the step and, where the displacement is known, the energy balance. A row for each
-// step, or for every so many. Where only what slides is advanced: for every so many times at which nodes begin
-// to slide or stop, and else when the nodes that are advanced have taken a step on the average; the energies
-// are known at the times of frames, and NaN elsewhere.
+// step, or for every so many. Where only what slides is advanced: for every so many times at which nodes
+// begin to slide or stop, and else when the nodes that are advanced have taken a step on the average; the
+// energies are known at the times of frames, and NaN elsewhere.
 class Series : public Observer {
  public:
   // `displacement`: nullptr, or the caller's; `plate` is.
@@ -60,8 +60,8 @@ class Series : public Observer {
   double shown_ = -1;                               // the last one of the whole medium
 };
 
-// probes/psi and probes/eta, and `probes` in the summary. Where only what slides is advanced: rows at the ends
-// of steps of the clusters that probes look at, and where these begin and end.
+// probes/psi and probes/eta, and `probes` in the summary. Where only what slides is advanced: rows at the
+// ends of steps of the clusters that probes look at, and where these begin and end.
 class ProbeRows : public Observer {
  public:
   ProbeRows(const Model& model, const Scene& whole, std::vector<double> x);

@@ -1,5 +1,5 @@
-// One run of friction that sticks in which only what slides is advanced (time/clusters.hpp): observers as their
-// contract says, and events as they end.
+// One run of friction that sticks in which only what slides is advanced (time/clusters.hpp): observers as
+// their contract says, and events as they end.
 #pragma once
 
 #include <functional>

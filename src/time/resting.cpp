@@ -64,32 +64,37 @@ double RestingNodes::key(PetscInt i, double direction) const {
 }
 
 // Neumaier's sum.
-void RestingNodes::add(double offset) {
-  const double sum = sum_ + offset;
-  lost_ += std::abs(sum_) >= std::abs(offset) ? (sum_ - sum) + offset : (offset - sum) + sum_;
-  sum_ = sum;
+void RestingNodes::Sum::add(double term) {
+  const double sum = rounded + term;
+  lost += std::abs(rounded) >= std::abs(term) ? (rounded - sum) + term : (term - sum) + rounded;
+  rounded = sum;
+}
+
+void RestingNodes::add(PetscInt i, int times) {
+  offsets_.add(times * (eta_[i] - K0(i) * way(since_[i])));
+  growths_.add(times * K0(i));
   ++added_;
 }
 
-void RestingNodes::form_sum() {
-  sum_ = lost_ = 0;
+void RestingNodes::form_sums() {
+  offsets_ = growths_ = {};
   for (PetscInt i = 0; i < scene_.n; ++i)
-    if (rests_[i]) add(eta_[i] - K0_ * way(since_[i]));
+    if (rests_[i]) add(i, 1);
   added_ = 0;
 }
 
-double RestingNodes::eta_sum(double t) const { return sum_ + lost_ + K0_ * double(count_) * way(t); }
+double RestingNodes::eta_sum(double t) const { return offsets_.value() + growths_.value() * way(t); }
 
 void RestingNodes::leaves(PetscInt i) {
   if (!rests_[i]) return;
   rests_[i] = false;
   --count_;
-  add(K0_ * way(since_[i]) - eta_[i]);
-  if (added_ > 4 * std::int64_t(scene_.n) + 1000) form_sum();
+  add(i, -1);
+  if (added_ > 4 * std::int64_t(scene_.n) + 1000) form_sums();
 }
 
 void RestingNodes::rests(PetscInt i) {
-  add(eta_[i] - K0_ * way(since_[i]));
+  add(i, 1);
   for (Side& side : sides_) side.key[i] = key(i, side.direction);
   goes_on_resting(i);
 }

@@ -31,8 +31,8 @@ class RestingNodes {
   void rests(PetscInt i);
   void leaves(PetscInt i);  // for a cluster
 
-  // Of the nodes that rest: how many, and the sum of their eta, formed anew so often, and with what is lost in
-  // each addition added too, that round-off does not gather.
+  // Of the nodes that rest: how many, and the sum of their eta, formed anew so often, and with what is lost
+  // in each addition added too, that round-off does not gather.
   PetscInt count() const { return count_; }
   double eta_sum(double t) const;
 
@@ -49,7 +49,7 @@ class RestingNodes {
     if (dof_ == 3) lists.push_back(&state_);
     for (Side& side : sides_) lists.push_back(&side.key);
     a.nodes("clusters.rest", lists);
-    a("clusters.rest_sum", sum_, lost_, added_);
+    a("clusters.rest_sum", offsets_.rounded, offsets_.lost, growths_.rounded, growths_.lost, added_);
     a.list("clusters.releases", [&](auto& x) {
       for (Side& side : sides_) x(side.time, side.of, side.asked_until);
     });
@@ -75,9 +75,14 @@ class RestingNodes {
     double time = std::numeric_limits<double>::infinity(), of = std::numeric_limits<double>::quiet_NaN(),
            asked_until = -std::numeric_limits<double>::infinity();
   };
+  struct Sum {
+    double rounded = 0, lost = 0;
+    void add(double term);
+    double value() const { return rounded + lost; }
+  };
   bool by_way() const { return loaded_ && dof_ == 2; }
-  void add(double offset);
-  void form_sum();
+  void add(PetscInt i, int times);
+  void form_sums();
   double way(double t) const;
   double K0(PetscInt i) const { return K0_[K0_.size() == 1 ? 0 : std::size_t(i)]; }
   double key(PetscInt i, double direction) const;
@@ -94,10 +99,9 @@ class RestingNodes {
   double longest_;          // as far as a load is looked at ahead
   std::vector<double> eta_, since_, state_;
   std::vector<bool> rests_;
-  // Of the nodes that rest: eta less K0 times the plate's way, by which all of them grow alike.
-  PetscInt count_ = 0;
-  double sum_ = 0, lost_ = 0;
-  std::int64_t added_ = 0;  // since the sum was formed
+  PetscInt count_ = 0;      // of the nodes that rest
+  Sum offsets_, growths_;   // over them: eta less K0 times the plate's way; K0
+  std::int64_t added_ = 0;  // since the sums were formed
   std::vector<Side> sides_;
 };
 

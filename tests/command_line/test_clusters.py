@@ -7,6 +7,7 @@ import time
 
 import h5py
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from calls import PROGRAM, check, data, line, refused, run, same, words
@@ -164,9 +165,11 @@ def test_rows_are_kept_for_every_so_many():
         check(np.isin(some["t"], every["t"]).all() or how == ON, f"{how}: rows of all")
 
 
-def test_sums_over_what_rests_keep_their_digits():
+@pytest.mark.parametrize("medium", ["-model_k0 1", "-model_k0_profile 0:1,299:1.5"])
+def test_sums_over_what_rests_keep_their_digits(medium):
     # Thousands of starts and stops later the mean of eta is that of the fields.
     given = CARLSON.replace("-out_series false", "-out_series_every 50").replace("-out_frames 2", "-out_frames 6")
+    given = given.replace("-model_k0 1", medium)
     run(given + " -model_k1 9 -model_v 1e-3 -grid_n 300 -bc_left free -ts_max_time 3000 -friction_back_slip false -out_displacement"
         " -out_file s.h5" + start_file(np.random.default_rng(1).uniform(0, 1, 300)) + ON)
     series = rows("s.h5", "series")
@@ -199,7 +202,7 @@ def test_a_motion_that_repeats():
 
 
 def test_auto_takes_clusters_where_they_may_pay():
-    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 5 -out_file a.h5 -grid_n "
+    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 5 -out_file a.h5 -stick_clusters auto -grid_n "
     for more, why in (("100", None), ("20", "nothing is gained"), ("100 -ts_rk_type 7vr", "rk:5dp"), ("100 -ts_type arkimex", "rk:5dp"),
                       ("100 -ts_adapt_type none -ts_dt 0.1", "fixed steps"), ("100 -ts_adapt_wnormtype 2", "-ts_adapt_wnormtype"),
                       ("100 -lyapunov_count 1 -ts_max_time 1", "lyapunov_count"), ("100 -ts_rtol 1e-2 -ts_atol 1e-2", "tolerances"),
