@@ -4,14 +4,14 @@
 #include <set>
 #include <stdexcept>
 
+#include "model/node_weight.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
 ClusterEvents::ClusterEvents(const Scene& scene, bool ruptures)
-    : scene_(scene), weight_(scene.form == Form::chain ? 1 : scene.h()),
-      coefficients_(coefficients_along(scene, 0, scene.n)), regions_(scene.n, scene.ring()),
+    : scene_(scene), coefficients_(coefficients_along(scene, 0, scene.n)), regions_(scene.n, scene.ring()),
       owner_(scene.n, -1), slip_(scene.n), squares_(scene.n), rupture_(ruptures ? scene.n : 0) {
   if (coefficients_.empty()) coefficients_.push_back(scene.coefficients(0));
 }
@@ -32,7 +32,7 @@ void ClusterEvents::step(const MovedNodes& m) {
       live = &regions_.live().at(whose = owner_[i]);
     }
     const auto& [A, B, K0, s_delta] = own(i);
-    const double damping = B + s_delta / A;
+    const double damping = B + s_delta / A, weight = node_weight(scene_, i);
     const double p0 = m.begin.psi[k], p1 = m.end.psi[k], e0 = m.begin.eta[k], e1 = m.end.eta[k];
     const double p = (p0 + p1) / 2 + dt / 8 * (m.begin.psi_rate[k] - m.end.psi_rate[k]);
     const double e = (e0 + e1) / 2 + dt / 8 * (m.begin.eta_rate[k] - m.end.eta_rate[k]);
@@ -45,9 +45,9 @@ void ClusterEvents::step(const MovedNodes& m) {
       const double v = (v0 + v1) / 2 + dt / 8 * (m.begin.viscous_rate[k] - m.end.viscous_rate[k]);
       viscous = dt / 6 * (p0 * v0 + 4 * p * v + p1 * v1);
     }
-    live->event.friction_work += weight_ * (given + viscous - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
-    live->event.radiated += weight_ * (damping * squares - viscous);
-    live->kinetic_now += weight_ / (2 * A) * (p1 * p1 - squares_[i]);
+    live->event.friction_work += weight * (given + viscous - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
+    live->event.radiated += weight * (damping * squares - viscous);
+    live->kinetic_now += weight / (2 * A) * (p1 * p1 - squares_[i]);
     squares_[i] = p1 * p1;
   }
   close();
@@ -101,7 +101,7 @@ void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt
     for (const auto& [j, factor] : coupling_row(scene_, i))
       if (owner_[j] == id) change += factor * slip_[j];
     const double behind = eta(i);
-    sums.add(weight_, slip_[i], behind - change, behind);
+    sums.add(node_weight(scene_, i), slip_[i], behind - change, behind);
   });
   conclude(e, t, sums);
   for (PetscInt k = 0; k < e.count && !rupture_.empty(); ++k)

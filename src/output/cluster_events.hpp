@@ -36,7 +36,6 @@ class ClusterEvents {
   void finish(int id, double t, const std::function<double(PetscInt)>& eta);
 
   Scene scene_;
-  double weight_;
   std::vector<NodeCoefficients> coefficients_;  // of the nodes; one where all have the same
   Regions regions_;
   std::vector<int> owner_;              // event under way in whose region a node is; -1: none

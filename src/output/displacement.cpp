@@ -6,6 +6,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/node_weight.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/reach.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
@@ -174,8 +175,7 @@ Energy Displacement::energy(Vec u, double t) const {
   double sums[5] = {0, 0, 0, 0, 0};
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const PetscInt node = model_.first() + i;
-    const bool end = s.form == Form::continuum && !s.ring() && (node == 0 || node == s.n - 1);
-    const double weight = (s.form == Form::continuum ? s.h() : 1) * (end ? 0.5 : 1);
+    const double weight = node_weight(s, node);
     const NodeCoefficients c = model_.coefficients(i);
     const double *at = a + i * model_.dof(), psi = at[0], z = at[1] + damping(i) * psi;
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;

@@ -10,6 +10,7 @@
 
 #include "base/broadcast.hpp"
 #include "model/loops.hpp"
+#include "model/node_weight.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
 #include "output/regions.hpp"
@@ -55,7 +56,7 @@ struct Events::Impl {
   PetscInt first;
   std::size_t n;  // nodes of this rank, from `first` on
   int ranks;
-  double velocity, weight;
+  double velocity;
   std::vector<NodeCoefficients> coefficients;  // of the nodes; one where all have the same
   std::vector<double> amplitude;
   Frictions friction;
@@ -82,7 +83,7 @@ struct Events::Impl {
   Impl(const Scene& s, double v, const NodeRange& range, bool ruptures)
       : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)),
         n(static_cast<std::size_t>(range.count)), ranks(ranks_in(range.comm)), velocity(v),
-        weight(s.form == Form::chain ? 1 : s.h()), coefficients(coefficients_along(s, first, PetscInt(n))),
+        coefficients(coefficients_along(s, first, PetscInt(n))),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, friction_places(s, first, PetscInt(n)))), halo(s, range),
         regions(s.n, s.ring()), with_ruptures(ruptures), owner(n, -1), slip(n), slipped(n), slipped_then(n),
@@ -97,6 +98,7 @@ struct Events::Impl {
   const NodeCoefficients& own(std::size_t i) const { return coefficients[coefficients.size() == 1 ? 0 : i]; }
   // What takes power beside friction, over psi^2.
   double damping(std::size_t i) const { return own(i).B + own(i).s_delta / own(i).A; }
+  double weight(std::size_t i) const { return node_weight(scene, first + PetscInt(i)); }
   bool moves(std::size_t i, const Fields& fields) const { return std::abs(fields[0][i]) > velocity; }
 
   // Friction of a node; at psi = 0 it is that of the motion in `direction` which begins or ends there.
@@ -214,12 +216,12 @@ struct Events::Impl {
     live.moves = true;
     slip[i] += step;
     slipped[i] += step;
-    live.event.friction_work += weight * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
-    live.event.radiated += weight * damping(i) * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
+    live.event.friction_work += weight(i) * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
+    live.event.radiated += weight(i) * damping(i) * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
     if (!d2.empty())
       live.event.radiated -=
-          weight * dt / 6 * (p0 * viscous[0][i] + 4 * p * viscous[1][i] + p1 * viscous[2][i]);
-    live.kinetic_now += weight * p1 * p1 / (2 * A);
+          weight(i) * dt / 6 * (p0 * viscous[0][i] + 4 * p * viscous[1][i] + p1 * viscous[2][i]);
+    live.kinetic_now += weight(i) * p1 * p1 / (2 * A);
   }
 
   // Friction at psi of nodes side by side that go from last to now.
@@ -233,7 +235,7 @@ struct Events::Impl {
     for (std::size_t k = 0; k < size; ++k) F[k] *= a[k];
   }
 
-  // The same of nodes side by side, without viscosity between neighbours, in vector code.
+  // The same of nodes side by side of one weight, without viscosity between neighbours, in vector code.
   void accumulate_side_by_side(std::size_t from, std::size_t size, LiveEvent& live, double dt) {
     const bool has_state = last.size() > 2;
     double p[side_by_side], F0[side_by_side], F[side_by_side], state[side_by_side] = {};
@@ -255,9 +257,10 @@ struct Events::Impl {
     const auto [work, squares, ends] =
         event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
     live.moves = true;
-    live.event.friction_work += weight * dt / 6 * work;
-    live.event.radiated += weight * damping(0) * dt / 6 * squares;
-    live.kinetic_now += weight / (2 * A) * ends;
+    const double all = weight(from);
+    live.event.friction_work += all * dt / 6 * work;
+    live.event.radiated += all * damping(0) * dt / 6 * squares;
+    live.kinetic_now += all / (2 * A) * ends;
   }
 
   // Neighbours mostly belong to one event.
@@ -270,7 +273,9 @@ struct Events::Impl {
       i = std::size_t(static_cast<const unsigned char*>(found) - moving.data());
       if (owner[i] != whose) event = &regions.live().at(whose = owner[i]);
       end = i + 1;
-      while (end < std::min(n, i + side_by_side) && moving[end] && owner[end] == whose) ++end;
+      while (!counts_half(scene, first + PetscInt(end) - 1) && end < std::min(n, i + side_by_side) &&
+             moving[end] && owner[end] == whose && !counts_half(scene, first + PetscInt(end)))
+        ++end;
       if (end - i >= few && d2.empty() && coefficients.size() == 1)
         accumulate_side_by_side(i, end - i, *event, dt);
       else
@@ -332,7 +337,7 @@ struct Events::Impl {
       EventSums own;
       own_nodes_of(id, [&](PetscInt k) {
         const auto i = static_cast<std::size_t>(k);
-        own.add(weight, slip[i], eta_before(k, id, *live.before, beside), last[1][i]);
+        own.add(weight(i), slip[i], eta_before(k, id, *live.before, beside), last[1][i]);
       });
       for (const double part :
            {own.moment, own.drop, own.strain, live.event.friction_work, live.event.radiated})

@@ -5,6 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/node_weight.hpp"
 
 namespace stickslip {
 
@@ -32,12 +33,10 @@ void LoadedMean::plan(ObservationPlan& plan) {
 
 double LoadedMean::force(Vec u) const {
   const Scene& s = model_.scene();
-  const bool halves = s.form == Form::continuum && !s.ring();
   const Reading a(u);
   double sum[2] = {0, 0};
   for (PetscInt i = 0; i < model_.local(); ++i) {
-    const PetscInt node = model_.first() + i;
-    const double weight = halves && (node == 0 || node == s.n - 1) ? 0.5 : 1;
+    const double weight = node_weight(s, model_.first() + i);
     const NodeCoefficients c = model_.coefficients(i);
     sum[0] +=
         weight * (a[i * model_.dof() + 1] + (c.s_delta == 0 ? 0 : c.s_delta / c.A * a[i * model_.dof()]));

@@ -54,6 +54,23 @@ def test_a_block_in_closed_form():
     check(len(e["t"]) > 0 and (e["radiated"] > 0).all(), "a law without a threshold, with damping")
 
 
+@pytest.mark.parametrize("how", ["on", "off"])
+@pytest.mark.parametrize("order", [2, 8])
+def test_energies_between_free_ends(order, how):
+    # Nothing is lost but in friction and damping, and nothing given but by springs and, at most K0 |v| duration moment/2, by the plate.
+    n, length, v = 40, 20, 1e-4
+    eta = np.random.default_rng(3).uniform(0.3, 0.9, n)
+    np.savetxt("start.txt", np.c_[length / (n - 1) * np.arange(n), 0 * eta, eta], fmt="%.17g")
+    run(f"-grid_order {order} -grid_n {n} -grid_length {length} -model_v {v} -model_gamma 1 -model_delta 0.1 -bc_left free"
+        " -friction_law coulomb -init_type text -init_file start.txt -ts_rtol 1e-10 -ts_atol 1e-10 -ts_max_time 4000 -out_events"
+        f" -out_series false -out_frames 2 -out_file i.h5 -stick_clusters {how}")
+    e = catalogue("i.h5")
+    check(sum((e["left"] == 0) | (e["left"] + e["extent"] > length)) >= 3, "events at the ends")
+    lacks = np.abs(e["strain_energy"] - e["friction_work"] - e["radiated"])
+    given = v * (e["t"] - e["begin"]) * e["moment"] / 2
+    check((lacks < given + 1e-7 * e["strain_energy"]).all(), f"energies: {lacks / e['strain_energy']}")
+
+
 @pytest.mark.ranks
 def test_same_events_on_any_number_of_ranks():
     run(CHAIN + " -ts_type rk -ts_rk_type 4 -ts_dt 0.05 -out_file one.h5")

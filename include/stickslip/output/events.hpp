@@ -10,14 +10,14 @@
 // of steps. Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to
 // the event).
 //
-// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral
-// of psi_i while node i moves and the force eta before (eta0) and behind (eta1), in units of the friction
-// amplitude. Before: when the event begins, also for nodes that it reaches later; events that have become one
-// begin with the earlier. Where other events slip in or near the region between begin and end (they end
-// before this one comes there, or go on a few nodes away, within the stencil), eta0 contains what they do to
-// eta until the end, K1 D2 d - K0 d of their slip d since the beginning and s delta psi/A of nodes that move
-// in them then, so that what lies between before and behind is this event's own: with friction that sticks
-// eta0 = eta1 - (K1 D2 - K0) d - K0 integral of v.
+// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum (h/2 at an end of the line),
+// with the slip d_i = integral of psi_i while node i moves and the force eta before (eta0) and behind (eta1),
+// in units of the friction amplitude. Before: when the event begins, also for nodes that it reaches later;
+// events that have become one begin with the earlier. Where other events slip in or near the region between
+// begin and end (they end before this one comes there, or go on a few nodes away, within the stencil), eta0
+// contains what they do to eta until the end, K1 D2 d - K0 d of their slip d since the beginning and s delta
+// psi/A of nodes that move in them then, so that what lies between before and behind is this event's own:
+// with friction that sticks eta0 = eta1 - (K1 D2 - K0) d - K0 integral of v.
 //     direction      1 or -1, the sign of sum w d_i; 0 where it is 0
 //     extent         number of blocks; length in the continuum: nodes times h
 //     slip           largest d_i along the direction        moment     |sum w d_i|
@@ -34,7 +34,8 @@
 // taken to rise linearly within a step.
 // A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the
 // direction. With friction that sticks strain_energy = friction_work + radiated but for what the plate does
-// meanwhile, which is at most K0 |v| (end - begin) moment/2 where no node slips back.
+// meanwhile, which is at most K0 |v| (end - begin) moment/2 where no node slips back, and but for nodes that
+// a stencil of order 4 or 6 reaches from a held end, where D2 is not symmetric.
 //
 // Needs memory for two values a node for each event under way (those that begin together share them), and for
 // one a node where ruptures are asked for.
