@@ -217,7 +217,7 @@ TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle][
                          one.mesh};
   const SmoothCycle three = solve_cycle(cell, guess);
   CHECK(three.cycle.period == Approx(one.cycle.period).epsilon(1e-10));
-  // the multipliers of the cell: of the wavenumbers 0, 1/3, 2/3; of a twist theta: (theta + 2 pi j)/3
+  // the multipliers of the cell: of the wavenumbers 0, 1/3, 2/3; of a phase theta: (theta + 2 pi j)/3
   Deviations of_one(one), of_three(three);
   const auto expected = [&](double theta) {
     std::vector<Complex> all;
@@ -237,7 +237,7 @@ TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle][
     }
   };
   compare(three.cycle.multipliers, expected(0));
-  compare(of_three.of_twist(0.7), expected(0.7));
+  compare(of_three.of_phase(0.7), expected(0.7));
 }
 
 TEST_CASE("a cycle beside stable sliding is found", "[cycle][serial]") {

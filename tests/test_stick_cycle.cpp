@@ -227,7 +227,7 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
       const double theta = 2 * M_PI * j / copies;
       const auto of_one = m == 1 ? waves.of_wave(symbol(cell.order, cell.form == Form::chain ? 1 : cell.h(),
                                                         theta / cell.length))
-                                 : waves.of_twist(theta);
+                                 : waves.of_phase(theta);
       of_waves.insert(of_waves.end(), of_one.begin(), of_one.end());
     }
     INFO("scene " << k << " of " << m << " nodes");

@@ -39,18 +39,18 @@ TEST_CASE("a closed chain of matrices is solved, growing and shrinking", "[wave]
       phi.push_back({e, .1 * std::cos(double(i))});
     for (int a = 0; a < d; ++a) y[i * d + size_t(a)] = {std::sin(double(i + size_t(a))), double(i % 3)};
   }
-  const std::complex<double> twist = std::polar(1., .7);
+  const std::complex<double> phase = std::polar(1., .7);
   for (size_t i = 0; i < N; ++i)
     for (size_t a = 0; a < d; ++a) {
-      std::complex<double> next = i + 1 < N ? y[(i + 1) * d + a] : twist * y[a];
+      std::complex<double> next = i + 1 < N ? y[(i + 1) * d + a] : phase * y[a];
       for (size_t b = 0; b < d; ++b) next -= phi[(i * d + a) * d + b] * y[i * d + b];
       rhs.push_back(next);
     }
   const CyclicChain<std::complex<double>> chain(d, N, phi);
   Matrix<std::complex<double>> y0 = chain.reduce(1, rhs);
-  y0 = chain.closure(twist).partialPivLu().solve(y0).eval();
+  y0 = chain.closure(phase).partialPivLu().solve(y0).eval();
   const std::complex<double> one = 1;
-  const auto solution = chain.expand(1, rhs, &one, y0.data(), twist);
+  const auto solution = chain.expand(1, rhs, &one, y0.data(), phase);
   for (size_t i = 0; i < solution.size(); ++i) CHECK(std::abs(solution[i] - y[i]) < 1e-12);
 }
 

@@ -320,14 +320,12 @@ int Run::check(Summary& summary) {
     steps = clusters_->report.steps;
     has_time();
   } else {
-    integrator_->advance(
-        problem_.u, origin_.t, t_end,
-        [&](const Integrator::Step& step) {
-          t = step.t;
-          steps = step.index - origin_.step;
-          return has_time() ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
-        },
-        control_->most_steps());
+    simulate(*integrator_, problem_.u, {origin_.t, t_end, control_->most_steps()}, {},
+             [&](const Integrator::Step& step) {
+               t = step.t;
+               steps = step.index - origin_.step;
+               return has_time() ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
+             });
   }
   const TimeReport& r = time_report();
   summary.set("status", "done");  // and no file was written

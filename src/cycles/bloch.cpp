@@ -38,7 +38,7 @@ class Waves {
                             : M_PI / length_;
   }
   Multipliers at(double k) const {
-    if (!one_node_) return map_.of_twist(k * length_);
+    if (!one_node_) return map_.of_phase(k * length_);
     return map_.of_wave(continuum_node() ? k * k : symbol(2, 1, k));
   }
   BlochPoint point(double k) const {
@@ -60,7 +60,7 @@ class Waves {
       const auto f = [&](double part) { return phase_growth(map_.of_wave(part * unit)); };
       return -(8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * unit);
     }
-    const auto f = [&](double theta) { return phase_growth(map_.of_twist(theta)) / (theta * theta); };
+    const auto f = [&](double theta) { return phase_growth(map_.of_phase(theta)) / (theta * theta); };
     return -(4 * f(.01) - f(.02)) / 3 * length_ * length_;
   }
   double short_waves() const { return continuum_node() ? map_.short_waves : std::nan(""); }
@@ -165,7 +165,7 @@ BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   return bloch_spectrum(
       cycle.cycle, cycle.field->scene(),
       {[&](double kappa2) { return deviations.of_wave(kappa2); },
-       [&](double theta) { return deviations.of_twist(theta); }, growth_of_short_waves(cycle, deviations)},
+       [&](double theta) { return deviations.of_phase(theta); }, growth_of_short_waves(cycle, deviations)},
       wavenumbers);
 }
 
@@ -174,7 +174,7 @@ BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const
   StickDeviations deviations(cell, cycle);
   return bloch_spectrum(course, cell,
                         {[&](double kappa2) { return deviations.of_wave(kappa2); },
-                         [&](double theta) { return deviations.of_twist(theta); }, std::nan("")},
+                         [&](double theta) { return deviations.of_phase(theta); }, std::nan("")},
                         wavenumbers);
 }
 

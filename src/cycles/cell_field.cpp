@@ -188,7 +188,7 @@ LowRankCoupling CellField::feed() const {
 
 std::vector<double> CellField::weights_of_wave(double kappa2) const { return {-kappa2}; }
 
-std::vector<std::complex<double>> CellField::weights_of_twist(double theta) const {
+std::vector<std::complex<double>> CellField::weights_of_phase(double theta) const {
   std::vector<std::size_t> place(node_.size());  // among the nodes at an end
   std::size_t r = 0;
   for (std::size_t k = 0; k < node_.size(); ++k)

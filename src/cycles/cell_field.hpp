@@ -48,7 +48,7 @@ class CellField : public VectorField {
   // to -D2; of a ring's cell the neighbours across its ends are exp(i theta) times as large.
   LowRankCoupling feed() const;
   std::vector<double> weights_of_wave(double kappa2) const;
-  std::vector<std::complex<double>> weights_of_twist(double theta) const;
+  std::vector<std::complex<double>> weights_of_phase(double theta) const;
 
  private:
   struct Term {

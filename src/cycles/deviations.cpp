@@ -121,8 +121,8 @@ Multipliers Deviations::of_wave(double kappa2) {
   return multipliers_of(field_.dim(), links(halvings), field_.weights_of_wave(kappa2));
 }
 
-Multipliers Deviations::of_twist(double theta) {
-  return multipliers_of(field_.dim(), links(0), field_.weights_of_twist(theta));
+Multipliers Deviations::of_phase(double theta) {
+  return multipliers_of(field_.dim(), links(0), field_.weights_of_phase(theta));
 }
 
 void set_multipliers(SmoothCycle& cycle) {

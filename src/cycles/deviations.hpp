@@ -23,7 +23,7 @@ class Deviations {
   // Of waves exp(ikx) on nodes that are all alike, kappa2 = kappa^2(k); of deviations exp(i theta) times as
   // large in the next cell.
   std::vector<std::complex<double>> of_wave(double kappa2);
-  std::vector<std::complex<double>> of_twist(double theta);
+  std::vector<std::complex<double>> of_phase(double theta);
   // of -trace J over psi and eta, over the period; one node
   double mean_damping() const { return mean_damping_; }
 

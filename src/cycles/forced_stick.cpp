@@ -43,7 +43,8 @@ class ForcedSearch {
         return ended;
       }
       if (back == 0 || quiet_ > 0 || periods < next_try) continue;
-      if (const std::optional<StickCycle> found = cycle(p, back)) return {Fate::repeats, *found, t};
+      if (const std::optional<StickCycle> found = accepted_cycle(m_, on_section(p, back)))
+        return {Fate::repeats, *found, t};
       next_try = 1.5 * periods;  // what only seems to repeat does so for long
     }
     return {Fate::wanders, {}, most_ * period_};
@@ -87,38 +88,6 @@ class ForcedSearch {
     c.load = {periods, middle, {}};
     for (const double direction : p.direction) c.load.rests.push_back(direction == 0);
     return c;
-  }
-
-  std::optional<StickCycle> cycle(const StickState& p, int periods) const {
-    const StickCycle near = on_section(p, periods);
-    try {
-      const StickCycle found = polished(m_, near);
-      double apart = 0;
-      for (std::size_t k = 0; k < found.start.size(); ++k)
-        apart = std::max(apart, std::abs(found.start[k] - near.start[k]));
-      if (apart > 100 * looks_equal * (1 + std::abs(m_.scene().v)) || !attracts(m_, found))
-        return std::nullopt;
-      return shortest(found);
-    } catch (const Failure&) {
-      return std::nullopt;
-    }
-  }
-
-  // A cycle that has repeated within its periods, as it seems to beside a doubling, is the shorter one.
-  StickCycle shortest(const StickCycle& found) const {
-    constexpr double same = 1e-7;
-    for (int periods = 1; periods < found.load.periods; ++periods) {
-      if (found.load.periods % periods != 0) continue;
-      StickCycle part(found);
-      part.load.periods = periods;
-      part.load.time = std::fmod(found.load.time, periods * period_);
-      double apart = 0;
-      const StickReturnMap round = return_map_of(m_, part, {});
-      for (const std::size_t k : moving_unknowns(m_))
-        apart = std::max(apart, std::abs(round.at.u[k] - found.start[k]));
-      if (apart < same * (1 + std::abs(m_.scene().v))) return polished(m_, part);
-    }
-    return found;
   }
 
   const StickMotion& m_;

@@ -130,37 +130,7 @@ class OrbitSearch {
     near.node = c.node;
     near.side = c.after;
     near.releases = releases_;
-    try {
-      StickCycle found = polished(m_, near);
-      double apart = 0;
-      for (std::size_t k = 0; k < p.u.size(); ++k) apart = std::max(apart, std::abs(found.start[k] - p.u[k]));
-      if (apart > 100 * looks_equal * (1 + std::abs(m_.scene().v))) return std::nullopt;
-      found = shortest(found);
-      if (!attracts(m_, found)) return std::nullopt;
-      return found;
-    } catch (const Failure&) {
-      return std::nullopt;
-    }
-  }
-
-  // A cycle that has repeated within its period, as it seems to beside a doubling, is the shorter one.
-  StickCycle shortest(const StickCycle& found) const {
-    constexpr double same = 1e-7;
-    for (int releases = 1; releases < found.releases; ++releases) {
-      if (found.releases % releases != 0) continue;
-      StickCycle part(found);
-      part.releases = releases;
-      try {
-        part = polished(m_, part);
-      } catch (const Failure&) {
-        continue;
-      }
-      double apart = 0;
-      for (std::size_t k = 0; k < part.start.size(); ++k)
-        apart = std::max(apart, std::abs(part.start[k] - found.start[k]));
-      if (apart < same * (1 + std::abs(m_.scene().v))) return part;
-    }
-    return found;
+    return accepted_cycle(m_, near);
   }
 
   const StickMotion& m_;

@@ -145,7 +145,7 @@ std::vector<Complex> StickDeviations::of_wave(double kappa2) {
   return multipliers_of(int(motion_.size()), links(halvings), std::vector<double>{-kappa2});
 }
 
-std::vector<Complex> StickDeviations::of_twist(double theta) {
+std::vector<Complex> StickDeviations::of_phase(double theta) {
   const size_t r = at_ends_.size();
   std::vector<Complex> w(r * r);
   for (size_t a = 0; a < r; ++a)

@@ -24,7 +24,7 @@ class StickDeviations {
   // Multipliers, largest first: of a wave exp(ikx) on the motion of one node, kappa2 = kappa^2(k); of a
   // deviation that is exp(i theta) times as large in the next cell of a ring.
   std::vector<std::complex<double>> of_wave(double kappa2);
-  std::vector<std::complex<double>> of_twist(double theta);
+  std::vector<std::complex<double>> of_phase(double theta);
 
  private:
   // On steps in which the fastest of these waves turns little enough: of the cell alone, times 2^halvings.

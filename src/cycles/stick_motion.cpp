@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "model/release.hpp"
+#include "model/stick_rule.hpp"
 #include "model/turned_row.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
@@ -13,6 +14,8 @@
 
 namespace stickslip {
 
+using namespace stick_rule;
+
 namespace {
 
 constexpr double most_work = 1e6;     // between two changes, as steps of one node or of one deviation of it
@@ -20,8 +23,6 @@ constexpr double least_steps = 5000;  // that are allowed for all that
 constexpr int most_idle = 100;        // changes at one time that change nothing
 constexpr double round_off = 4e-16;   // relative, of a sum
 constexpr double of_step = 1e-14;     // the same, of a step and its 36 evaluations
-// relative: changes this near to each other happen at once, as in runs (stick.hpp)
-constexpr double close = 1e-12;
 constexpr double longest_step =
     1.2;  // in units of one over the highest frequency: no change comes and goes twice within it
 
@@ -30,8 +31,6 @@ double fastest(const Scene& s) {
   const double kappa2 = s.n > 1 ? largest_symbol(s.order, s.spacing()) : 0;
   return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
 }
-
-double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 }  // namespace
 
@@ -184,7 +183,7 @@ void StickMotion::decide(StickState& p) const {
       const double none =
           // what eta set to limit - neighbour force leaves of it
           by == 0 ? 0 : round_off * (limit + std::abs(by));
-      if (excess > close * limit || (excess >= -none && growth(c, p.u.data(), f.data()) > 0)) going = side;
+      if (begins(excess, limit, growth(c, p.u.data(), f.data()), none)) going = side;
     }
   }
 }
@@ -378,12 +377,8 @@ std::vector<Change> StickMotion::pass_rest(StickState& p, double until, const Pa
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
       const double force = side * p.u[i * dof_ + 1], rate = side * f[i * dof_ + 1];
-      const double limit = threshold(i, p.u.data());
-      if (dof_ == 2) {
-        if (rate > 0) wait = std::min(wait, std::max(0., (limit - force) / rate));
-      } else {
-        wait = std::min(wait, release_time(law_[i], amplitude_[i], force, rate, p.u[i * dof_ + 2], wait));
-      }
+      const double state = dof_ == 3 ? p.u[i * dof_ + 2] : 0;
+      wait = std::min(wait, release_time(law_[i], amplitude_[i], force, rate, state, wait));
     }
   }
   const bool ends = p.t + wait > until;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/pulse.hpp"
+#include "cycles/past_states.hpp"
 #include "model/jump_matrix.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -282,8 +283,49 @@ std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::ve
   return generalised_eigenvalues(int(size), map, unit);  // of the transposed, which are the same
 }
 
+namespace {
+
+// Whether every deviation but that along the motion decays or stays.
 bool attracts(const StickMotion& m, const StickCycle& cycle) {
   return std::abs(multipliers_of(moving_unknowns(m).size(), monodromy_matrix(m, cycle)).front()) < 1 + 1e-6;
+}
+
+double distance(const StickMotion& m, const std::vector<double>& one, const std::vector<double>& other) {
+  double apart = 0;
+  for (const std::size_t k : moving_unknowns(m)) apart = std::max(apart, std::abs(one[k] - other[k]));
+  return apart / (1 + std::abs(m.scene().v));
+}
+
+StickCycle shortest(const StickMotion& m, const StickCycle& found) {
+  constexpr double same = 1e-7;
+  int& (*const count_of)(StickCycle&) = [](StickCycle& c) -> int& {
+    return c.load.periods > 0 ? c.load.periods : c.releases;
+  };
+  StickCycle part(found);
+  const int whole = count_of(part);
+  for (int count = 1; count < whole; ++count) {
+    if (whole % count != 0) continue;
+    count_of(part) = count;
+    if (m.forced()) part.load.time = std::fmod(found.load.time, count * m.scene().load.period());
+    try {
+      if (distance(m, return_map_of(m, part, {}).at.u, found.start) < same) return polished(m, part);
+    } catch (const Failure&) {
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+std::optional<StickCycle> accepted_cycle(const StickMotion& m, const StickCycle& near) {
+  try {
+    const StickCycle exact = polished(m, near);
+    if (distance(m, exact.start, near.start) > 100 * looks_equal) return std::nullopt;
+    const StickCycle found = shortest(m, exact);
+    if (attracts(m, found)) return found;
+  } catch (const Failure&) {
+  }
+  return std::nullopt;
 }
 
 }  // namespace stickslip

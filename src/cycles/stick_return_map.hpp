@@ -2,6 +2,7 @@
 #pragma once
 
 #include <complex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -60,7 +61,9 @@ std::vector<double> monodromy_matrix(const StickMotion& motion, const StickCycle
 
 // Its eigenvalues, largest modulus first.
 std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map);
-// Whether every deviation but that along the motion decays or stays.
-bool attracts(const StickMotion& motion, const StickCycle& cycle);
+// The cycle that a motion has come to which looks, at `near`, as it did a cycle before: made exact, and the
+// shorter one where it has repeated within its releases (its periods of the load), as it seems to beside a
+// doubling. None where it is another one, or does not attract.
+std::optional<StickCycle> accepted_cycle(const StickMotion& motion, const StickCycle& near);
 
 }  // namespace stickslip

@@ -1,5 +1,6 @@
 #include "model/release.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -13,6 +14,8 @@ namespace stickslip {
 double release_time(const Friction& law, double amplitude, double force, double rate, double s,
                     double latest) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (!law.has_state)
+    return rate > 0 ? std::max(0., (amplitude * law.threshold(0).value - force) / rate) : infinity;
   const auto excess = [&](double wait) {
     return force + rate * wait - amplitude * law.threshold(law.state_at_rest(s, wait)).value;
   };

@@ -8,7 +8,7 @@ namespace stickslip {
 
 // The time after which side times the force, `force` + `rate` t, comes up to amplitude times the threshold of
 // the state s at rest: the first where it does so, not earlier than 0. Infinite where it never does, or later
-// than `latest`. For a law with a state. Local, not collective.
+// than `latest`. Local, not collective.
 double release_time(const Friction& law, double amplitude, double force, double rate, double s,
                     double latest);
 

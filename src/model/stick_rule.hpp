@@ -21,8 +21,9 @@ constexpr double locating = 1e-15;  // of a step: on the cubic, which only says 
 inline double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 // A node at rest, whose force lies `excess` beyond its threshold `limit` and gains on it at the rate `gain`.
-inline bool begins(double excess, double limit, double gain) {
-  return excess > close * limit || (excess >= 0 && gain > 0);
+// `none`: an excess that is 0 but for round-off.
+inline bool begins(double excess, double limit, double gain, double none = 0) {
+  return excess > close * limit || (excess >= -none && gain > 0);
 }
 // It is at the threshold, to round-off, and has come nearer since `before`.
 inline bool arrives(double excess, double before, double limit) {

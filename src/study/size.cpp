@@ -49,11 +49,8 @@ struct Way {
   bool fixed = false;  // steps
 
   std::string name() const { return subtype.empty() ? type : type + ":" + subtype; }
-  // That of values between its steps; 0: it has one of its own.
-  int degree_between() const {
-    if (name() == "rk:5dp" || name() == "arkimex:4" || name() == "arkimex:5" || type == TSBDF) return 0;
-    const Method& method = offered_method(type, subtype);
-    return method.kind == MethodKind::explicit_ ? std::max(3, method.order - 1) : 3;
+  const Method& method() const {
+    return subtype.empty() ? offered_type(type) : offered_method(type, subtype);
   }
   // Slopes that it keeps of a step for its own polynomial: of every stage, of an implicit-explicit one two.
   int slopes() const {
@@ -79,7 +76,7 @@ double vectors_of_library(const Way& way) {
 
 // `inside`: are values inside a step asked for?
 double bytes_of_steps(const Unknowns& u, const Way& way, bool inside) {
-  const int degree = way.degree_between();
+  const int degree = DenseOutput::degree_for(way.method());
   double bytes = (degree > 0 ? DenseOutput::bytes_a_node(u.V, degree, inside) : 0) +
                  (way.fixed ? StepAudit::bytes_a_node(u.V) : 0);
   const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
@@ -197,7 +194,7 @@ Way way_of(const Options& options, const Model& model, Vec u) {
           choice.fused && !FusedTs::fused_type(choice.type).empty(), false};
   const std::string option = subtype_option(choice.type);
   if (!option.empty() && options.is_set(option)) way.subtype = options.text(option);
-  const Method& method = way.subtype.empty() ? offered_type(way.type) : offered_method(way.type, way.subtype);
+  const Method& method = way.method();
   if (!way.subtype.empty() || way.type != TSBDF) way.subtype = method.subtype;
   const std::string adapt = options.is_set("ts_adapt_type") ? options.text("ts_adapt_type") : "";
   way.fixed = method.adaptivity == Adaptivity::never || adapt == TSADAPTNONE ||

@@ -179,7 +179,7 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   least_slope_ = friction[0].F.F_psi;
   // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle
   // turns, that of a regularised threshold at rest.
-  const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
+  const bool oscillates = !s.massless() && LinearPoint(s, friction[0].F, friction[0].g).damping() < 0;
   const double rising = model.slope_bounds().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
@@ -430,7 +430,7 @@ void warn_of_several_solutions(const Model& model, const Integrator& integrator,
   if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
   const Scene s = model.scene().averaged();
   if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
-  const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
+  const auto damping = [&s](double slope) { return LinearPoint(s, {0, slope, 0}, {}).damping(); };
   // the motion stays clear of weakening friction
   if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;
   const double C = damping(least_slope(model)), product = s.A() * s.K0();

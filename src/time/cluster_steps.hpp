@@ -11,7 +11,7 @@
 
 #include "stickslip/model/model.hpp"
 #include "time/fused_methods.hpp"
-#include "time/stick_rule.hpp"
+#include "model/stick_rule.hpp"
 #include "time/tile_kernels.hpp"
 
 namespace stickslip {

@@ -1,5 +1,7 @@
 #include "time/dense_output.hpp"
 
+#include <petscts.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -27,6 +29,13 @@ std::vector<double> integration_weights(int count, double s) {
 VecHandle& at(std::vector<VecHandle>& list, int i) { return list[i]; }
 
 }  // namespace
+
+int DenseOutput::degree_for(const Method& method) {
+  const std::string name = method.name();
+  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method.type == std::string(TSBDF))
+    return 0;
+  return method.kind == MethodKind::explicit_ ? std::max(3, method.order - 1) : 3;
+}
 
 void DenseOutput::interpolate(Vec before, Vec after, double t, double dt, double s, Vec into) {
   refine(before, after, t, dt);

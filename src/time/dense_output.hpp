@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "stickslip/model/model.hpp"
+#include "stickslip/time/methods.hpp"
 
 namespace stickslip {
 
@@ -16,6 +17,8 @@ class DenseOutput {
  public:
   DenseOutput(const Model& model, int degree)
       : model_(model), degree_(degree), work_(model.create_vector()) {}
+  // The degree that a method needs here; 0: it has a polynomial of its own.
+  static int degree_for(const Method& method);
   // Memory of a node whose unknowns take `unknowns` bytes: slopes only once values are asked for.
   static double bytes_a_node(double unknowns, int degree, bool asked) {
     return (1 + (asked ? 2 * degree : 0)) * unknowns;

@@ -7,7 +7,7 @@
 #include "stickslip/model/plate.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/stick.hpp"
-#include "time/stick_rule.hpp"
+#include "model/stick_rule.hpp"
 
 namespace stickslip {
 

@@ -238,11 +238,8 @@ void Integrator::Impl::refuse_below_round_off(Vec u) const {
 }
 
 void Integrator::Impl::set_dense_output() {
-  const std::string name = method->name();
-  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method->type == std::string(TSBDF))
-    return;
-  const int degree = method->kind == MethodKind::explicit_ ? std::max(3, method->order - 1) : 3;
-  dense = std::make_unique<DenseOutput>(model, degree);
+  if (const int degree = DenseOutput::degree_for(*method))
+    dense = std::make_unique<DenseOutput>(model, degree);
 }
 
 }  // namespace stickslip

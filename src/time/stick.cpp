@@ -9,7 +9,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "time/stick_rule.hpp"
+#include "model/stick_rule.hpp"
 
 namespace stickslip {
 
@@ -251,13 +251,9 @@ double Stick::release_after(Vec u, double t, double longest) {
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     for_each_side([&](double side) {
-      const double *at = a + i * dof_, force = side * forces[i], rate = side * rates[i];
-      if (dof_ == 2) {
-        if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
-        return;
-      }
+      const double force = side * forces[i], rate = side * rates[i], state = dof_ == 3 ? a[i * dof_ + 2] : 0;
       first = std::min(
-          first, release_time(model_.friction_law(i), model_.amplitude()[i], force, rate, at[2], first));
+          first, release_time(model_.friction_law(i), model_.amplitude()[i], force, rate, state, first));
     });
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));

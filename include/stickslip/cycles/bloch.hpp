@@ -51,7 +51,7 @@ struct BlochSpectrum {
 // exp(i theta) times as large in the next cell.
 struct WaveMap {
   std::function<std::vector<std::complex<double>>(double kappa2)> of_wave;
-  std::function<std::vector<std::complex<double>>(double theta)> of_twist;
+  std::function<std::vector<std::complex<double>>(double theta)> of_phase;
   double short_waves = 0;
 };
 
