@@ -15,6 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from differences import bloch, d2, linked  # noqa: F401: others take them from here
+from loads import Loads, Plate  # noqa: F401: likewise
 
 DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "model_delta_sign": "derived", "model_c": 1,
             "model_m": 1, "model_k0": 0.2, "model_k1": 0.2, "model_f0": 1, "model_zeta": 0, "model_nu": 0, "model_drag": 0, "model_v": 0.2,
@@ -24,12 +25,13 @@ DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "mo
             "friction_fc": 0.5, "friction_vs": 1, "friction_p": 2, "friction_viscous": 0, "friction_Dc": 1,
             "friction_weakening": "exponential", "friction_sigma0": 100, "friction_sigma1": 1, "friction_sigma2": 0,
             "friction_table": "", "friction_table_beyond": "constant", "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
-            "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1}
+            "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1,
+            "load_force_sine_amplitude": 0, "load_force_sine_period": 1, "load_normal": "", "load_normal_sine_amplitude": 0,
+            "load_normal_sine_period": 1, "state_linker_dieterich": 0}
 STATE_LAWS = {"rate-and-state": "ageing", "n-shaped": "ageing-cutoff", "dieterich": "ageing", "slip-weakening": "slip-memory",
               "lugre": "bristles", "dahl": "bristles"}  # that go with a law unless another is named
 OWN_STATE = ("rate-and-state", "n-shaped", "dieterich")  # with a, b, D
 STORED = {"tau": np.array, "theta": np.log, "slip": np.array, "z": np.array}  # states of files
-LEGENDRE = np.polynomial.legendre.leggauss(30)
 STEP = 1e-30  # of derivatives by complex steps
 
 
@@ -60,36 +62,6 @@ def words(p):
             name, value = name + "_profile", ",".join(f"{i + first}:{float(at)!r}" for i, at in enumerate(value))
         text += ["-" + name, str(value)]
     return text
-
-
-class Plate:
-    """v(t): straight from point to point of load_v, a step where a time stands twice, and a sine on top."""
-
-    def __init__(self, p):
-        pairs = [pair.split(":") for pair in p["load_v"].split(",") if pair]
-        self.points = [(float(t), float(v)) for t, v in pairs] or [(0., p["model_v"])]
-        self.height, self.period = p["load_sine_amplitude"], p["load_sine_period"]
-
-    def pieces(self, begin, end):
-        """(begin, end) of each part of that time in which v(t) is smooth."""
-        times = [begin, *sorted({t for t, _ in self.points if begin < t < end}), end]
-        return list(zip(times, times[1:]))
-
-    def after(self, begin):
-        """v on the piece that holds that time or begins there, as a function that goes on beyond its ends."""
-        before, behind = [p for p in self.points if p[0] <= begin], [p for p in self.points if p[0] > begin]
-        (t0, v0), slope = before[-1] if before else self.points[0], 0
-        if before and behind:
-            slope = (behind[0][1] - v0) / (behind[0][0] - t0)
-        return lambda t: v0 + slope * (t - t0) + self.height * np.sin(2 * np.pi * t / self.period)
-
-    def way(self, end, begin=0):
-        """The integral of v over that time."""
-        x, weights, total = *LEGENDRE, 0
-        for a, b in self.pieces(begin, end):
-            parts = np.linspace(a, b, 2 + int((b - a) / self.period))
-            total += sum((d - c) / 2 * weights @ self.after(a)(c + (d - c) * (1 + x) / 2) for c, d in zip(parts, parts[1:]))
-        return total
 
 
 # ---- laws ----
@@ -253,9 +225,10 @@ class System:
                      ((0, ends[0], "left"), (n - 1, ends[1], "right")) if kind == "velocity"}
         self.free = np.array([i for i in range(n) if i not in self.held])
         self.moves = np.isin(np.arange(n), self.free)  # not held
-        self.law, self.plate = Law(p), Plate(p)
+        self.law, self.loads = Law(p), Loads(p)
+        self.plate = self.loads.plate
         self.kinds = 2 if self.law.state == "none" else 3
-        self.v = self.plate.after(0)
+        self.v, self.normal, self.push = self.plate.after(0), self.loads.normal.after(0), self.loads.push
         self.going = None  # exact stick: the direction of each node, 0 at rest
 
     def split(self, u):
@@ -276,22 +249,35 @@ class System:
         psi, eta, _ = self.split(u)
         return eta + self.N * self.second(psi) if self.N else eta
 
+    def begin_piece(self, t, u=None):
+        """Loads are from now on those behind t; the unknowns there, with the step of the state."""
+        before, self.v, self.normal = self.normal(t), self.plate.after(t), self.loads.normal.after(t)
+        if u is not None and self.kinds == 3 and self.loads.alpha:
+            u = np.array(u)
+            u[2 * self.n:] -= self.loads.alpha / self.law.f.b * np.log(self.normal(t) / before)
+        return u
+
     def slides(self):
         return np.ones(self.n, bool) if self.going is None else self.going != 0
 
     def rates(self, t, u):
         u = np.asarray(u)
         psi, _, s = self.split(u)
-        excess = np.where(self.slides(), self.pull(u) - self.law.force(psi, s, self.going), 0)
+        force = self.normal(t) * self.law.friction(psi, s, self.going) + self.law.drag(psi, self.going)
+        excess = np.where(self.slides(), self.pull(u) + self.push(t) - force, 0)
         out = [np.where(self.slides() & self.moves, self.A * (excess - self.B * psi), 0),
                self.K0 * (self.v(t) - psi) + self.K1 * self.second(psi) - self.sd * excess]
-        return np.concatenate(out + ([self.law.rate(psi, s)] if self.kinds == 3 else []), axis=-1)
+        if self.kinds == 3:
+            answer = self.loads.alpha / self.law.f.b * self.loads.log_rate(self.normal, t) if self.loads.alpha else 0
+            out.append(self.law.rate(psi, s) - answer)
+        return np.concatenate(out, axis=-1)
 
-    def jacobian(self, u, D=None):
+    def jacobian(self, u, D=None, t=0.):
         """d rates/du over all nodes; D: another matrix in place of D2, or several of them."""
         psi, _, s = self.split(np.real(u))
         D, n, i = self.D if D is None else np.asarray(D), self.n, np.arange(self.n)
         F_psi, F_s, g_psi, g_s = self.law.slopes(psi, s, self.going)
+        F_psi, F_s = self.normal(t) * F_psi, self.normal(t) * F_s  # without drag, where N is not 1
         slide = 1. * self.slides()
         A, sd = self.A * slide * self.moves, self.sd * slide
         J = np.zeros((*D.shape[:-2], self.kinds, n, self.kinds, n), D.dtype)
@@ -338,8 +324,9 @@ class System:
 
     def follow(self, u, begin, end, method="DOP853", rtol=1e-12, atol=1e-13, **more):
         """The unknowns at the end, from corner to corner of the load."""
-        for a, b in self.plate.pieces(begin, end):
-            self.v = self.plate.after(a)
+        self.begin_piece(begin)
+        for a, b in self.loads.pieces(begin, end):
+            u = self.begin_piece(a, u)
             u = solve_ivp(self.rates, (a, b), u, method=method, rtol=rtol, atol=atol, **more).y[:, -1]
         return u
 
@@ -350,7 +337,7 @@ class System:
 
         def together(t, z):
             Y = z[N:].reshape(shape)
-            return np.concatenate([self.rates(t, z[:N].real), (self.jacobian(z[:N], D) @ Y).ravel()])
+            return np.concatenate([self.rates(t, z[:N].real), (self.jacobian(z[:N], D, t) @ Y).ravel()])
         start = np.concatenate([u, np.broadcast_to(np.eye(N), shape).ravel()]).astype(D.dtype)
         end = solve_ivp(together, (begin, begin + period), start, method="DOP853", rtol=rtol, atol=atol).y[:, -1]
         return end[:N].real, end[N:].reshape(shape)
@@ -398,8 +385,9 @@ class Stick:
         self.system, self.n, self.t, self.settings = system, system.n, t, {"rtol": 3e-12, "atol": 1e-13} | settings
         self.u, self.slip, self.changes, self.fresh = np.array(u, float), np.zeros(self.n), 0, None
         self.Y = np.zeros((len(self.u), 0)) if Y is None else np.array(Y, float)
-        psi, pull = self.u[:self.n], system.pull(self.u)
-        holds = np.abs(pull) <= system.law.threshold(system.split(self.u)[2])
+        system.begin_piece(t)
+        psi, pull = self.u[:self.n], system.pull(self.u) + system.push(t)
+        holds = np.abs(pull) <= system.normal(t) * system.law.threshold(system.split(self.u)[2])
         system.going = np.where(psi != 0, np.sign(psi), np.where(holds, 0, np.sign(pull)))
         self.Y[:self.n][system.going == 0] = 0
         self.segments = []  # (begin, end, direction of every node, slip and unknowns at the end)
@@ -408,17 +396,17 @@ class Stick:
     def rests(self):
         return self.system.going == 0
 
-    def gaps(self, u):
-        """Positive until a node changes: psi along the motion, or the distance to the threshold."""
+    def gaps(self, u, t):
+        """Positive until a node changes: psi along the motion, or the distance to the threshold. t: a number, or a column."""
         psi, _, s = self.system.split(u)
-        pull = self.system.pull(u)
-        below = self.system.law.threshold(s) - pull * np.sign(np.real(pull))
+        pull = self.system.pull(u) + self.system.push(t)
+        below = self.system.normal(t) * self.system.law.threshold(s) - pull * np.sign(np.real(pull))
         return np.where(self.system.moves, np.where(self.rests, below, psi * self.system.going), 1)
 
     def rate(self, t, z):
         N = len(self.u)
         Y = z[N + self.n:].reshape(N, -1)
-        grown = (self.system.jacobian(z[:N]) @ Y).ravel() if Y.size else Y.ravel()
+        grown = (self.system.jacobian(z[:N], t=t) @ Y).ravel() if Y.size else Y.ravel()
         return np.concatenate([self.system.rates(t, z[:N]), z[:self.n], grown])
 
     def take(self, t, z):
@@ -432,7 +420,7 @@ class Stick:
         """(time, node, the motion within the step) of the first change in a step; None."""
         inside, N = solver.dense_output(), len(self.u)
         times = np.linspace(solver.t_old, solver.t, 25)[1:]
-        gaps = self.gaps(inside(times)[:N].T)
+        gaps = self.gaps(inside(times)[:N].T, times[:, None])
         if self.fresh is not None:  # it begins at 0 and takes some time to leave it by more than round-off
             gaps[gaps[:, self.fresh] > -1e-10, self.fresh] = 1
         bad = np.flatnonzero((gaps < 0).any(axis=1))
@@ -443,30 +431,34 @@ class Stick:
 
         def root(i):
             def gap(t):
-                return self.gaps(inside(t)[:N])[i]
+                return self.gaps(inside(t)[:N], t)[i]
             return brentq(gap, low, high, xtol=1e-14) if gap(low) > 0 else low
         return (*min((root(i), i) for i in np.flatnonzero(gaps[bad[0]] < 0)), inside)
 
     def change(self, i):
         """Node i starts, stops, or turns."""
         system, before = self.system, self.system.rates(self.t, self.u)
-        gradient = np.imag(self.gaps(self.u + 1j * STEP * np.eye(len(self.u)))[:, i]) / STEP if self.Y.size else None
-        pull, threshold = system.pull(self.u)[i], np.broadcast_to(system.law.threshold(system.split(self.u)[2]), self.n)[i]
+        if self.Y.size:
+            gradient = np.imag(self.gaps(self.u + 1j * STEP * np.eye(len(self.u)), self.t)[:, i]) / STEP
+            by_time = np.imag(self.gaps(self.u, self.t + 1j * STEP)[i]) / STEP
+        push, N = system.push(self.t), system.normal(self.t)
+        pull = system.pull(self.u)[i] + push
+        threshold = N * np.broadcast_to(system.law.threshold(system.split(self.u)[2]), self.n)[i]
         if not self.rests[i]:
             self.u[i] = 0
-            pull = system.pull(self.u)[i]
+            pull = system.pull(self.u)[i] + push
         system.going = system.going.astype(float)
         system.going[i] = np.sign(pull) if self.rests[i] or abs(pull) > threshold else 0
         if self.Y.size:
             jump = system.rates(self.t, self.u) - before
-            self.Y = self.Y + np.outer(jump, gradient @ self.Y) / (gradient @ before)
+            self.Y = self.Y + np.outer(jump, gradient @ self.Y) / (gradient @ before + by_time)
         self.fresh, self.changes = i, self.changes + 1
 
     def advance(self, end, on_change=None, most=None):
         """To that time, or until so many changes; the unknowns there. on_change(self): after each of them."""
         while self.t < end and (most is None or self.changes < most):
-            until = self.system.plate.pieces(self.t, end)[0][1]
-            self.system.v = self.system.plate.after(self.t)
+            until = self.system.loads.pieces(self.t, end)[0][1]
+            self.u = self.system.begin_piece(self.t, self.u)
             start = np.concatenate([self.u, self.slip, self.Y.ravel()])
             solver, found = DOP853(self.rate, self.t, start, until, **self.settings), None
             while solver.status == "running" and found is None:

@@ -49,7 +49,7 @@ TEST_CASE("where a profile jumps, and between which values it stays", "[profile]
 }
 
 TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
-  CHECK_FALSE(Load(0.3, {}, 0, 1).varies());
+  CHECK_FALSE(Load(0.3, {}, {{0, 1}}).varies());
   std::mt19937 random(7);
   std::uniform_real_distribution<double> draw(-1, 1);
   for (int scene = 0; scene < 20; ++scene) {
@@ -61,7 +61,8 @@ TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
       t += 0.2 + std::abs(draw(random));
     }
     const double amplitude = scene % 2 == 0 ? 0 : draw(random), period = 0.7 + 0.3 * draw(random);
-    const Load load(9, points, amplitude, period);
+    const double second = scene % 3 == 0 ? 0 : draw(random), phase = 2 * draw(random);
+    const Load load(9, points, {{amplitude, period}, {second, 1.5 * period, phase}});
     REQUIRE(load.varies());
     const auto exact = [&](double at) {  // behind a jump
       double w = points.front().second;
@@ -71,14 +72,19 @@ TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
         if (i + 1 < points.size() && points[i + 1].first > at)
           w += (points[i + 1].second - w) * (at - points[i].first) / (points[i + 1].first - points[i].first);
       }
-      return w + amplitude * std::sin(2 * M_PI * at / period);
+      return w + amplitude * std::sin(2 * M_PI * at / period) +
+             second * std::sin(2 * M_PI * at / (1.5 * period) + phase);
     };
-    double integral = 0, largest = 0;
+    double integral = 0, largest = 0, least = 1e300;
     const double end = points.back().first + 1;
     for (double from = 0; from < end;) {  // Simpson's rule on short pieces that end at corners
       const double to = std::min({from + 0.002, load.next_corner(from), end}), middle = (from + to) / 2;
       const int piece = load.piece_from(from);
       CHECK(load(middle) == Approx(exact(middle)).margin(1e-13));
+      CHECK(load.slope_in_piece(piece, middle) ==
+            Approx((load.in_piece(piece, middle + 1e-5) - load.in_piece(piece, middle - 1e-5)) / 2e-5)
+                .margin(1e-7));
+      least = std::min(least, load(middle));
       integral +=
           (to - from) / 6 * (load.in_piece(piece, from) + 4 * load(middle) + load.in_piece(piece, to));
       largest = std::max(largest, std::abs(load(middle)));
@@ -86,6 +92,8 @@ TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
       CHECK(load.integral(to) == Approx(integral).margin(1e-10));
     }
     CHECK(load.largest() >= largest);
+    CHECK(load.smallest() <= least);
+    CHECK(load.period() == Approx(3 * period));
     for (const auto& point : points) CHECK(load.next_corner(point.first) > point.first);
   }
 }

@@ -540,7 +540,7 @@ TEST_CASE("the Jacobian of friction that sticks") {
       },
       du);
   Stick stick(model);
-  stick.decide(u);
+  stick.decide(u, 0);
   CHECK(std::set<double>(stick.direction().begin(), stick.direction().end()).size() >=
         (model.local() > 8 ? 3 : 1));
   MatHandle J = model.create_jacobian(part);

@@ -379,7 +379,7 @@ int boundary_command(const Options& options) {
     foreign = error.what();
     growth.emplace(varied({}));
   }
-  const bool forced = growth->scene(0.5, 0.5).load.varies();
+  const bool forced = growth->scene(0.5, 0.5).forced();
   if (forced) check_forced(options, growth->scene(0.5, 0.5));
   const Asked asked = forced ? Asked{true, false} : asked_for(options, growth->scene(0.5, 0.5));
   return with_summary(summary, [&] {

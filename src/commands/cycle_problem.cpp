@@ -79,7 +79,7 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
 
 FoundCycle sticking(const Options& options, const Scene& cell, const StickCycle& stick) {
   FoundCycle result{described(cell, stick), positions(cell), 0, nullptr, alone(options, cell), nullptr};
-  if (has_neighbours(options) && !cell.load.varies())
+  if (has_neighbours(options) && !cell.forced())
     result.waves = [cell, course = result.cycle, stick](int count) {
       return bloch_spectrum(stick, course, cell, count);
     };
@@ -171,7 +171,7 @@ void check_cycle_options(const Options& options, const Scene& cell) {
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
     throw UsageError(
         "cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
-  if (options.boolean("cycle_spectrum") && cell.load.varies() && cell.friction.sticks())
+  if (options.boolean("cycle_spectrum") && cell.forced() && cell.friction.sticks())
     throw UsageError(
         "cycle_spectrum: under a load waves are looked at with smooth friction (friction_stick regularised); "
         "with exact stick take the whole scene (cycle_cell 0)");
@@ -180,7 +180,7 @@ void check_cycle_options(const Options& options, const Scene& cell) {
 }
 
 FoundCycle find_cycle(const Options& options, const Scene& cell) {
-  const bool forced = cell.load.varies();
+  const bool forced = cell.forced();
   if (cell.friction.sticks()) return forced ? sticking_under_load(options, cell) : sticking(options, cell);
   return smooth(options, cell,
                 one_node(cell) && has_neighbours(options) && !forced

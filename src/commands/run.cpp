@@ -132,13 +132,12 @@ std::string range_words(const Summary& s, const std::string& over) {
 
 // What the motion is, and what steady sliding beside it would do.
 std::string motion_words(const Summary& s, const Scene& scene) {
-  const Load& load = scene.load;
   const std::string regime = of(s, "regime").get<std::string>();
   const bool events = !s.is_null("events"), undecided = regime == "undecided";
   std::vector<std::string> parts;
   if (events) parts.push_back(event_words(s));
-  if (load.varies()) {
-    parts.push_back(range_words(s, load.period() > 0 ? "period of the load" : "quarter of the run"));
+  if (scene.forced()) {
+    parts.push_back(range_words(s, scene.forcing_period() > 0 ? "period of the load" : "quarter of the run"));
   } else if (!undecided) {
     parts.push_back(regime);
     if (regime == "stick-slip" && scene.friction.jumps_at_rest() && of(s, "rest_fraction") == 0)
@@ -185,7 +184,7 @@ std::vector<SummaryKey> observed_keys() {
        "`decaying`, `growing`: an oscillation on its way down or up; `undecided`: the run was too short to "
        "tell"},
       {"regime_reason", "",
-       "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`, "
+       "why `regime` says nothing: null but under a load (`load_v`, `load_normal`, the sines, "
        "`load_halt`)"},
       {"regime_rate", "1/time", "measured rate at which the size of the motion changes"},
       {"growth_rate", "1/time",

@@ -75,6 +75,7 @@ void Run::report(Summary& summary, bool complete) {
   if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
   summary.wrote(last_checkpoint_);
   if (complete) {
+    problem_.model.set_time(r.t);
     problem_.model.set_held(problem_.u);
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
     std::optional<StepAudit::Verdict> verdict;  // of every step

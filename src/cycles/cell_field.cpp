@@ -43,7 +43,7 @@ CellField::CellField(const Scene& scene, int periods)
   for (PetscInt i = 0; i < scene.n; ++i)
     if (!scene.held(i)) all.push_back(i);
   if (all.empty()) throw UsageError("every node of the scene is held: nothing can oscillate");
-  if (periods > 0 && !(scene.load.period() > 0)) throw UsageError("the sine of the load has no amplitude");
+  if (periods > 0 && !(scene.forcing_period() > 0)) throw UsageError("the sine of the load has no amplitude");
   for (std::size_t k = 0; k < all.size(); ++k) {
     const std::size_t half = k / 2;
     node_.push_back(!scene.ring() ? all[k] : k % 2 == 0 ? all[half] : all[all.size() - 1 - half]);
@@ -51,6 +51,7 @@ CellField::CellField(const Scene& scene, int periods)
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   for (const PetscInt node : node_) {
     amplitude_.push_back(amplitude[node]);
+    if (scene.linker_dieterich != 0) response_.push_back(scene.state_response(node));
     if (scene.medium.nodes_differ()) own_.push_back(scene.coefficients(node));
     couple(node);
   }
@@ -95,27 +96,30 @@ RatePartials CellField::rate_at(std::size_t k, double psi, double state) const {
 
 VectorField::Period CellField::period(double q) const {
   if (periods_ == 0) return VectorField::period(q);
-  return {periods_ * scene_.load.period(), 0};
+  return {periods_ * scene_.forcing_period(), 0};
 }
 
-void CellField::rates_at(double phase, const double* y, double* f) const {
-  rates_under(periods_ > 0 ? scene_.load(phase * period(0).T) : scene_.v, y, f);
+CellField::Loads CellField::loads_at(double phase) const {
+  if (periods_ == 0) return steady_loads();
+  const double t = phase * period(0).T, N = scene_.normal_load(t);
+  return {scene_.load.varies() ? scene_.load(t) : scene_.v, N, scene_.normal.slope(t) / N};
 }
 
-void CellField::rates_under(double v, const double* y, double* f) const {
+void CellField::rates_under(const Loads& loads, const double* y, double* f) const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double* at = y + k * std::size_t(dof_);
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
     // by differences, which keep the digits that 1/h^2 would eat
     double d2 = held_[k].sum - held_[k].weight * psi;
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
-    const double force =
-        amplitude_[k] * (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
-    const kernel::NodeRates rates = kernel::node_rates(coefficients(k, v), psi, at[1], force, 0, 1);
+    const double force = loads.N * amplitude_[k] *
+                         (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
+    const kernel::NodeRates rates = kernel::node_rates(coefficients(k, loads.v), psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
     out[0] = rates.psi + by_d2_.psi_psi * d2;
     out[1] = rates.eta + by_d2_.eta_psi * d2;
     if (dof_ == 3) out[2] = rate_at(k, psi, state).g;
+    if (loads.log_rate != 0 && !response_.empty()) out[2] -= response_[k] * loads.log_rate;
   }
 }
 
@@ -130,21 +134,21 @@ LinearPoint CellField::without_friction(std::size_t k) const {
   return own_.empty() ? no_friction_ : LinearPoint(scene_, own_[k]);
 }
 
-LinearPoint CellField::point(const double* y, std::size_t k) const {
+LinearPoint CellField::point(double N, const double* y, std::size_t k) const {
   const double* at = y + k * std::size_t(dof_);
-  const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
+  const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = N * amplitude_[k];
   const Partials F = friction_at(k, psi, state);
   LinearPoint p = without_friction(k);
   p.set({a * F.F, a * F.F_psi, a * F.F_state}, rate_at(k, psi, state));
   return p;
 }
 
-void CellField::jacobian(const double* y, double* J) const {
+void CellField::jacobian_under(double N, const double* y, double* J) const {
   const std::size_t d = std::size_t(dim()), dof = std::size_t(dof_);
   std::fill(J, J + d * d, 0.);
   for (std::size_t k = 0; k < node_.size(); ++k) {
     double rows[9];
-    point(y, k).block(Part::full, 0).write(dof_, rows);
+    point(N, y, k).block(Part::full, 0).write(dof_, rows);
     for (std::size_t a = 0; a < dof; ++a)
       for (std::size_t b = 0; b < dof; ++b) J[(k * dof + a) * d + k * dof + b] = rows[a * dof + b];
     for (const Term& t : row_[k]) {
@@ -156,14 +160,15 @@ void CellField::jacobian(const double* y, double* J) const {
 
 // Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step
 // leads to.
-void CellField::safeguard_step(const double* y, double h, double* dy) const {
+void CellField::safeguard_step(double phase, const double* y, double h, double* dy) const {
+  const double N = loads_at(phase).N;
   for (std::size_t k = 0; k < node_.size(); ++k) {
     if (!friction(k).steep) continue;
     const double* at = y + k * std::size_t(dof_);
     double* step = dy + k * std::size_t(dof_);
     const double state = dof_ == 3 ? at[2] : 0, new_state = dof_ == 3 ? at[2] + step[2] : 0;
     const LinearPoint own = without_friction(k);
-    const double mass = (own.B + 1 / (own.A * h)) / amplitude_[k];
+    const double mass = (own.B + 1 / (own.A * h)) / (N * amplitude_[k]);
     step[0] = friction(k).newton_psi(at[0], state, at[0] + step[0], new_state, mass) - at[0];
   }
 }

@@ -4,7 +4,7 @@
 // Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
 // ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
 //
-// Under a load that repeats (a sine) the period is known, and the number q of the equations stands for the
+// Under loads that repeat (sines) the period is known, and the number q of the equations stands for the
 // first unknown at phase 0 (plane.hpp). Friction that sticks is then that of sliding along v, which goes on
 // smoothly through psi = 0: whoever asks sees whether the motion gets there.
 #pragma once
@@ -29,11 +29,17 @@ class CellField : public VectorField {
 
   int dim() const override { return dof_ * int(node_.size()); }
   int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
-  void rates(const double* y, double* f) const override { rates_under(scene_.v, y, f); }
-  void rates_at(double phase, const double* y, double* f) const override;
+  // Without a phase: under no sine.
+  void rates(const double* y, double* f) const override { rates_under(steady_loads(), y, f); }
+  void rates_at(double phase, const double* y, double* f) const override {
+    rates_under(loads_at(phase), y, f);
+  }
   Period period(double q) const override;
-  void jacobian(const double* y, double* J) const override;
-  void safeguard_step(const double* y, double h, double* dy) const override;
+  void jacobian(const double* y, double* J) const override { jacobian_under(1, y, J); }
+  void jacobian_at(double phase, const double* y, double* J) const override {
+    jacobian_under(loads_at(phase).N, y, J);
+  }
+  void safeguard_step(double phase, const double* y, double h, double* dy) const override;
 
   int dof() const { return dof_; }
   int periods() const { return periods_; }
@@ -62,8 +68,14 @@ class CellField : public VectorField {
   const Friction& friction(std::size_t k) const { return friction_[node_[k]]; }
   Partials friction_at(std::size_t k, double psi, double state) const;
   RatePartials rate_at(std::size_t k, double psi, double state) const;
-  void rates_under(double v, const double* y, double* f) const;
-  LinearPoint point(const double* y, std::size_t k) const;
+  struct Loads {
+    double v, N, log_rate;  // of the plate; by which friction is multiplied, and N'/N
+  };
+  Loads steady_loads() const { return {scene_.v, 1, 0}; }
+  Loads loads_at(double phase) const;
+  void rates_under(const Loads& loads, const double* y, double* f) const;
+  void jacobian_under(double N, const double* y, double* J) const;
+  LinearPoint point(double N, const double* y, std::size_t k) const;
   LinearPoint without_friction(std::size_t k) const;
   kernel::Coefficients coefficients(std::size_t k, double v) const;
   bool at_an_end(std::size_t k) const;
@@ -78,8 +90,8 @@ class CellField : public VectorField {
   int dof_, periods_, reach_ = 0;
   double sliding_;  // the direction of friction that sticks, 0 for other
   std::vector<PetscInt> node_;
-  std::vector<double> amplitude_;
-  std::vector<std::vector<Term>> row_;  // D2 among the unknown nodes
+  std::vector<double> amplitude_, response_;  // the second: Scene::state_response(), where it is not 0
+  std::vector<std::vector<Term>> row_;        // D2 among the unknown nodes
   std::vector<Held> held_;
 };
 

@@ -70,9 +70,9 @@ std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
   std::vector<double> y(static_cast<size_t>(d));
   const auto sample = [&](const Collocation& method, double begin, double phase, StepJacobian& piece) {
     for (size_t j = 0; j < mesh_stages; ++j) {
-      evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, begin + phase * method.c[j],
-               y.data());
-      field_.jacobian(y.data(), &piece.J[j * dd]);
+      const double at = begin + phase * method.c[j];
+      evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, at, y.data());
+      field_.jacobian_at(at, y.data(), &piece.J[j * dd]);
     }
   };
   // over [begin, begin + phase]; the rate of the fastest decay

@@ -8,22 +8,12 @@ namespace stickslip {
 
 using std::size_t;
 
-namespace {
-
-// With so much of the sine, which is the whole load beside v.
-Load part_of_load(const Scene& scene, double part) {
-  const double period = scene.load.period(), amplitude = scene.load(period / 4) - scene.v;
-  return Load(scene.v, {}, part * amplitude, period);
-}
-
-}  // namespace
-
 SmoothCycle forced_slide(const Scene& cell, double tolerance) {
   constexpr int intervals = 12;
   constexpr double least_step = 1. / 64, rough = 1e-4;  // what is only on the way need not be known well
   CycleGuess guess;
   guess.periods = 1;
-  guess.period = cell.load.period();
+  guess.period = cell.forcing_period();
   for (int i = 0; i <= intervals; ++i) guess.mesh.push_back(double(i) / intervals);
   const CellField at_rest_of_load(cell, 1);
   const std::vector<double> sliding = at_rest_of_load.sliding();
@@ -31,7 +21,8 @@ SmoothCycle forced_slide(const Scene& cell, double tolerance) {
   SmoothCycle found;
   Scene scene = cell;
   for (double grown = 0, step = 1; grown < 1;) {
-    scene.load = grown + step < 1 ? part_of_load(cell, grown + step) : cell.load;
+    scene.load = cell.load.scaled(grown + step);
+    scene.normal = cell.normal.scaled(grown + step);
     try {
       found = solve_cycle(scene, guess, grown + step < 1 ? rough : tolerance);
     } catch (const Failure&) {

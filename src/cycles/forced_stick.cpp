@@ -19,7 +19,7 @@ constexpr int most_periods = PastStates::most;  // of the load in a cycle
 class ForcedSearch {
  public:
   ForcedSearch(const StickMotion& m, int patience)
-      : m_(m), period_(m.scene().load.period()), escape_(escape_velocity(m.scene())),
+      : m_(m), period_(m.scene().forcing_period()), escape_(escape_velocity(m.scene())),
         seen_(std::size_t(m.dof())) {
     const Scene& s = m.scene();
     const double turn = 2 * M_PI / own_frequency(s);

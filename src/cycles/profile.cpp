@@ -87,8 +87,12 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   for (size_t i = 0; i + 1 < mesh.size(); ++i)
     for (const double part : points)
       cycle.times.push_back(period * (mesh[i] + (mesh[i + 1] - mesh[i]) * part));
+  std::vector<double> shown(values);  // without the harmonic force
+  for (size_t k = 0; k < cycle.times.size(); ++k)
+    for (size_t node = 0; node < nodes; ++node)
+      shown[k * d + node * dof + 1] -= field.scene().push(cycle.times[k]);
   cycle.states.resize((cycle.times.size() + 1) * d);
-  for (size_t k = 0; k < cycle.times.size(); ++k) unfold(field, &values[k * d], &cycle.states[k * d]);
+  for (size_t k = 0; k < cycle.times.size(); ++k) unfold(field, &shown[k * d], &cycle.states[k * d]);
   std::copy_n(cycle.states.begin(), d, cycle.states.end() - long(d));
   cycle.times.push_back(period);
   measure(cycle);
@@ -108,7 +112,7 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   cycle.rest_fraction = rest;
   std::vector<double> mean_eta(d);
   for (size_t k = 0; k < nodes; ++k) mean_eta[k * dof + 1] = 1 / double(nodes);
-  const Trace force(mesh, values, d, mean_eta);
+  const Trace force(mesh, shown, d, mean_eta);
   cycle.force_drop = force.extremum(1) - force.extremum(-1);
   return cycle;
 }

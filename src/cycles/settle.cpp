@@ -116,7 +116,7 @@ struct Passage {
 class Settling {
  public:
   Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
-      : cell_(cell), field_(cell, cell.load.varies() ? 1 : 0),
+      : cell_(cell), field_(cell, cell.forced() ? 1 : 0),
         motion_(field_, in_band_order(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
   SmoothCycle cycle(int turns);
 

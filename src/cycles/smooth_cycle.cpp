@@ -47,7 +47,7 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
 }  // namespace
 
 void check_smooth_cell(const Scene& cell) {
-  const CellField field(cell, cell.load.varies() ? 1 : 0);
+  const CellField field(cell, cell.forced() ? 1 : 0);
   if (field.dim() > most_cell_unknowns)
     throw UsageError("a cycle of " + std::to_string(field.dim()) + " unknowns: at most " +
                      std::to_string(most_cell_unknowns) +

@@ -137,6 +137,10 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
     if (std::abs(c.states[k]) < 1e-13 * (1 + std::abs(scene.v))) c.states[k] = 0;
   c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
   set_error(motion, from, return_map_of(rough, from, {}), c);
+  for (std::size_t k = 0; k < c.times.size(); ++k)  // without the harmonic force
+    for (PetscInt i = 0; i < c.nodes; ++i)
+      c.states[(k * std::size_t(c.nodes) + std::size_t(i)) * std::size_t(c.dof) + 1] -=
+          scene.push(c.times[k]);
   measure(c);
   return c;
 }

@@ -38,8 +38,8 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
-      point_(scene, 0), own_(coefficients_along(scene, 0, scene.n)), method_(size()),
-      method_with_deviations_(0) {
+      point_(scene, 0), own_(coefficients_along(scene, 0, scene.n)), factors_(amplitude_.size()),
+      method_(size()), method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
@@ -56,104 +56,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(row_over_mean(scene, i));
   longest_ = longest_step / fastest(scene);
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
-  if (forced()) longest_ = std::min(longest_, longest_step * scene.load.smooth_time() / M_PI);
-}
-
-bool StickMotion::held(int node) const { return scene_.held(node); }
-
-double StickMotion::threshold(int node, const double* u) const {
-  return amplitude_[node] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
-}
-double StickMotion::threshold_slope(int node, const double* u) const {
-  return dof_ == 2 ? 0 : amplitude_[node] * law_[node].threshold(u[node * dof_ + 2]).slope;
-}
-double StickMotion::neighbour_force(int node, const double* u) const {
-  double sum = 0;
-  if (d2_.empty() || scene_.nu == 0) return sum;
-  for (const auto& [other, weight] : d2_[node])
-    if (other != node) sum += weight * u[other * dof_];
-  return scene_.N() * sum;
-}
-
-void StickMotion::rates(const std::vector<double>& direction, const double* u, double* f) const {
-  std::array<double, 8> around{};
-  for (std::size_t j = 0; j < halo_.size(); ++j)
-    for (const auto& [node, weight] : halo_[j]) around[j] += weight * u[node * dof_];
-  kernel::Coefficients coefficients = coefficients_;
-  if (forced()) {
-    coefficients.v = scene_.load(u[size() - 1]);
-    f[size() - 1] = 1;
-  }
-  loop_(coefficients, {u, scene_.unit_amplitude() ? nullptr : amplitude_.data(), f, nodes_, around.data(),
-                       around.data() + half_width_, direction.data()});
-  for (int i = 0; i < nodes_; ++i)
-    if (held(i)) f[i * dof_] = f[i * dof_ + 1] = 0;  // its eta, which nothing feels, would drift
-}
-
-// J of each node alone.
-void StickMotion::blocks(const std::vector<double>& direction, const double* u,
-                         std::vector<NodeBlock>& at) const {
-  at.resize(nodes_);
-  for (int i = 0; i < nodes_; ++i) {
-    const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[i];
-    const double a = amplitude_[i];
-    LinearPoint point = own_.empty() ? point_ : LinearPoint(scene_, own_[std::size_t(i)]);
-    const Partials p = going == 0 ? Partials{0, 0, 0} : law_[i].sliding_partials(psi, s, going);
-    point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_[i].sliding_rate(psi, s, going));
-    NodeBlock& block = at[i];
-    block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
-    if (!held(i)) continue;
-    block.psi_psi = block.psi_eta = block.psi_state = 0;
-    block.eta_psi = block.eta_eta = block.eta_state = 0;
-  }
-}
-
-// The right-hand side of the motion and of the first `count` deviations that stand behind it.
-void StickMotion::derivative(const StickState& p, const double* y, std::size_t count, double* f) const {
-  rates(p.direction, y, f);
-  if (count == 0) return;
-  std::vector<NodeBlock> at;
-  blocks(p.direction, y, at);
-  for (std::size_t c = 1; c <= count; ++c) {
-    const double* x = y + c * size();
-    double* g = f + c * size();
-    if (forced()) g[size() - 1] = 0;
-    for (int i = 0; i < nodes_; ++i) {
-      const NodeBlock& b = at[i];
-      const double *xi = x + i * dof_, s = dof_ == 3 ? xi[2] : 0;
-      double* gi = g + i * dof_;
-      gi[0] = b.psi_psi * xi[0] + b.psi_eta * xi[1] + b.psi_state * s;
-      gi[1] = b.eta_psi * xi[0] + b.eta_eta * xi[1] + b.eta_state * s;
-      if (dof_ == 3) gi[2] = b.state_psi * xi[0] + b.state_state * s;
-      if (d2_.empty() || held(i)) continue;
-      double coupling = 0;
-      for (const auto& [node, weight] : d2_[i]) coupling += weight * x[node * dof_];
-      gi[1] += point_.K1 * coupling;
-      if (scene_.nu == 0 || p.direction[i] == 0) continue;
-      gi[0] += point_.A * point_.N * coupling;
-      gi[1] -= point_.s_delta * point_.N * coupling;
-    }
-  }
-}
-
-void StickMotion::jacobian(const std::vector<double>& direction, const double* u, double* J) const {
-  std::fill(J, J + size() * size(), 0.);
-  std::vector<NodeBlock> at;
-  blocks(direction, u, at);
-  const std::size_t dof = std::size_t(dof_);
-  for (std::size_t i = 0; i < at.size(); ++i) {
-    double rows[9];
-    at[i].write(dof_, rows);
-    for (std::size_t a = 0; a < dof; ++a)
-      std::copy_n(rows + a * dof, dof, J + (i * dof + a) * size() + i * dof);
-    if (d2_.empty() || held(int(i))) continue;
-    const bool slides = direction[i] != 0;
-    for (const auto& [node, weight] : d2_[i]) {
-      J[(i * dof + 1) * size() + std::size_t(node) * dof] +=
-          weight * (point_.K1 - (slides ? point_.s_delta * point_.N : 0));
-      if (slides) J[i * dof * size() + std::size_t(node) * dof] += weight * point_.A * point_.N;
-    }
-  }
+  if (forced()) longest_ = std::min(longest_, longest_step * scene.smooth_time() / M_PI);
 }
 
 // Two solutions of s_t = g(s) that start close together: their distance goes like g.
@@ -195,7 +98,8 @@ double StickMotion::beyond(const PossibleChange& c, const double* u) const {
 }
 double StickMotion::growth(const PossibleChange& c, const double* u, const double* f) const {
   if (!c.rests) return -c.side * f[c.node * dof_];
-  const double own = dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0;
+  const double own =
+      threshold_rate(c.node, u) + (dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0);
   return c.side * (f[c.node * dof_ + 1] + neighbour_force(c.node, f)) - own;
 }
 
@@ -348,8 +252,9 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
     if (from == to) continue;
     const double *b = &before[i * dof_], *a = &after[i * dof_];
     jumps.push_back({{p.t, i, from, to},
-                     from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a,
-                                                      neighbour_force(i, before.data()))
+                     from == 0 ? JumpMatrix::at_start(
+                                     dof_, to, threshold_slope(i, p.u.data()), b, a,
+                                     neighbour_force(i, before.data()) - to * threshold_rate(i, p.u.data()))
                                : JumpMatrix::at_stop(dof_, b, a)});
   }
   const auto begins_to_slip = [&](int node) { return was[node] == 0 && p.direction[node] != 0; };

@@ -9,7 +9,7 @@
 // With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours'
 // psi make differ from eta (`neighbour_force`).
 //
-// Under a load that repeats (a sine alone) the time is one unknown more, the last, from which the load
+// Under loads that repeat (sines alone) the time is one unknown more, the last, from which the load
 // follows; it deviates by nothing. All rest is then integrated as any other motion.
 //
 // Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
@@ -80,12 +80,13 @@ class StickMotion {
   const Scene& scene() const { return scene_; }
   int nodes() const { return nodes_; }
   int dof() const { return dof_; }
-  bool forced() const { return scene_.load.varies(); }
+  bool forced() const { return scene_.forced(); }
   std::size_t size() const { return std::size_t(nodes_ * dof_ + (forced() ? 1 : 0)); }
   bool held(int node) const;
   double longest() const { return longest_; }               // step
   double threshold(int node, const double* u) const;        // |eta| that holds the node
   double threshold_slope(int node, const double* u) const;  // by its state
+  double threshold_rate(int node, const double* u) const;   // with the normal load, at a state that stands
   // N D2 psi at the node where it rests, of unknowns, rates or a deviation: the share of its neighbours.
   double neighbour_force(int node, const double* u) const;
 
@@ -132,6 +133,8 @@ class StickMotion {
     bool to_come;  // at the end of the step the change is past
     bool turns;    // it is a turn at which the node is to stop
   };
+  double normal(const double* u) const;  // load, by which friction is multiplied
+  double own_threshold(int node, const double* u) const;
   double beyond(const PossibleChange& c, const double* u) const;
   double growth(const PossibleChange& c, const double* u, const double* f) const;
   void derivative(const StickState& p, const double* y, std::size_t count, double* f) const;
@@ -155,7 +158,8 @@ class StickMotion {
   kernel::Coefficients coefficients_;
   RangeLoop loop_;
   LinearPoint point_;
-  std::vector<NodeCoefficients> own_;  // of the nodes, where they differ
+  std::vector<NodeCoefficients> own_;    // of the nodes, where they differ
+  mutable std::vector<double> factors_;  // amplitudes under a normal load, as they were last
   std::vector<Combination> halo_, d2_;
   mutable Extrapolation method_, method_with_deviations_;
 };

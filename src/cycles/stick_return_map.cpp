@@ -77,7 +77,7 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
   StickState& p = result.at;
   p.u = on_section(m, from);
   m.decide(p);
-  const double load_ends = from.load.periods * m.scene().load.period();
+  const double load_ends = from.load.periods * m.scene().forcing_period();
   if (!m.forced() && p.direction[from.node] != from.side)
     throw Failure("exact stick: a node at its threshold does not start");
   p.deviations = wishes.deviations;
@@ -306,7 +306,7 @@ StickCycle shortest(const StickMotion& m, const StickCycle& found) {
   for (int count = 1; count < whole; ++count) {
     if (whole % count != 0) continue;
     count_of(part) = count;
-    if (m.forced()) part.load.time = std::fmod(found.load.time, count * m.scene().load.period());
+    if (m.forced()) part.load.time = std::fmod(found.load.time, count * m.scene().forcing_period());
     try {
       if (distance(m, return_map_of(m, part, {}).at.u, found.start) < same) return polished(m, part);
     } catch (const Failure&) {

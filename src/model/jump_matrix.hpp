@@ -29,7 +29,8 @@ class JumpMatrix {
     return JumpMatrix(dof, {1, 0, 0}, before, after);
   }
   // `side`: of the threshold, 1 or -1; `threshold_slope`: of the threshold in the stored state (0 without a
-  // state); `neighbour_force`: N D2 of the nodes' psi_t before.
+  // state); `neighbour_force`: N D2 of the nodes' psi_t before, less, under a normal load N(t), `side` times
+  // what the threshold gains with time at a state that stands.
   static JumpMatrix at_start(int dof, double side, double threshold_slope, const double* before,
                              const double* after, double neighbour_force = 0) {
     JumpMatrix jump(dof, {0, side, -threshold_slope}, before, after);

@@ -5,9 +5,30 @@
 
 namespace stickslip {
 
-Load::Load(double v, const std::vector<std::pair<double, double>>& points, double amplitude, double period)
-    : amplitude_(amplitude), period_(period) {
-  if (points.empty() && amplitude == 0) return;
+double common_period(double a, double b) {
+  constexpr int most = 100;
+  constexpr double same = 1e-9;
+  if (a == 0 || b == 0) return std::max(a, b);
+  if (!std::isfinite(a) || !std::isfinite(b)) return std::numeric_limits<double>::infinity();
+  for (int k = 1; k <= most; ++k) {
+    const double ratio = k * a / b, whole = std::round(ratio);
+    if (whole >= 1 && whole <= most && std::abs(ratio - whole) < same * whole) return k * a;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+double Sine::at(double t) const { return amplitude * std::sin(2 * M_PI * t / period + phase); }
+
+Load::Load(double v, const std::vector<std::pair<double, double>>& points, const std::vector<Sine>& sines) {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (const Sine& sine : sines) {
+    period_ = common_period(period_, sine.period);
+    if (sine.amplitude == 0) continue;
+    sines_.push_back(sine);
+    shortest = std::min(shortest, sine.period);
+    smooth_time_ = shortest / (2 * double(sines_.size()));
+  }
+  if (points.empty() && sines_.empty()) return;
   pieces_.push_back(
       {-std::numeric_limits<double>::infinity(), points.empty() ? v : points.front().second, 0, 0});
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -33,22 +54,42 @@ int Load::piece_from(double t) const {
 
 double Load::in_piece(int piece, double t) const {
   const Interval& p = pieces_[piece];
-  const double w = p.slope == 0 ? p.v : p.v + p.slope * (t - p.begin);
-  return amplitude_ == 0 ? w : w + amplitude_ * std::sin(2 * M_PI * t / period_);
+  double v = p.slope == 0 ? p.v : p.v + p.slope * (t - p.begin);
+  for (const Sine& sine : sines_) v += sine.at(t);
+  return v;
+}
+
+double Load::slope_in_piece(int piece, double t) const {
+  double slope = pieces_[std::size_t(piece)].slope;
+  for (const Sine& sine : sines_) {
+    const double turn = 2 * M_PI / sine.period;
+    slope += sine.amplitude * turn * std::cos(turn * t + sine.phase);
+  }
+  return slope;
 }
 
 double Load::integral(double t) const {
   const int piece = piece_from(t);
   const Interval& p = pieces_[piece];
-  const double since = t - (piece == 0 ? 0 : p.begin), half = std::sin(M_PI * t / period_);
-  const double w = p.travel + since * (p.v + p.slope * since / 2);
-  return amplitude_ == 0 ? w : w + amplitude_ * period_ / M_PI * half * half;
+  const double since = t - (piece == 0 ? 0 : p.begin);
+  double way = p.travel + since * (p.v + p.slope * since / 2);
+  for (const Sine& sine : sines_) {
+    const double half = M_PI * t / sine.period;
+    way += sine.amplitude * sine.period / M_PI * std::sin(half) * std::sin(half + sine.phase);
+  }
+  return way;
 }
 
 double Load::next_corner(double t) const {
   for (const Interval& p : pieces_)
     if (p.begin > t) return p.begin;
   return std::numeric_limits<double>::infinity();
+}
+
+Load Load::scaled(double factor) const {
+  Load other(*this);
+  for (Sine& sine : other.sines_) sine.amplitude *= factor;
+  return other;
 }
 
 double Load::largest() const {
@@ -59,7 +100,20 @@ double Load::largest() const {
         i + 1 < pieces_.size() && i > 0 ? p.v + p.slope * (pieces_[i + 1].begin - p.begin) : p.v;
     largest = std::max({largest, std::abs(p.v), std::abs(end)});
   }
-  return largest + std::abs(amplitude_);
+  for (const Sine& sine : sines_) largest += std::abs(sine.amplitude);
+  return largest;
+}
+
+double Load::smallest() const {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < pieces_.size(); ++i) {
+    const Interval& p = pieces_[i];
+    smallest = std::min(smallest, p.v);
+    if (i > 0 && i + 1 < pieces_.size())
+      smallest = std::min(smallest, p.v + p.slope * (pieces_[i + 1].begin - p.begin));
+  }
+  for (const Sine& sine : sines_) smallest -= std::abs(sine.amplitude);
+  return smallest;
 }
 
 }  // namespace stickslip

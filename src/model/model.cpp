@@ -8,6 +8,7 @@
 #include "base/local_values.hpp"
 #include "base/broadcast.hpp"
 #include "model/massless_chain.hpp"
+#include "model/psi_halo.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -15,14 +16,6 @@
 namespace stickslip {
 
 using kernel::Coefficients;
-
-namespace {
-
-// One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and
-// weights.
-using HaloValue = std::vector<std::pair<std::size_t, double>>;
-
-}  // namespace
 
 struct Model::Impl {
   MPI_Comm comm;
@@ -33,7 +26,10 @@ struct Model::Impl {
   SlopeBounds slope_bounds;
   std::vector<double> amplitude;
   mutable Coefficients coefficients{}, no_stencil{};  // v: of the load, at the time said last
-  mutable int load_piece = 0;
+  mutable int load_piece = 0, normal_piece = 0;
+  mutable double time = 0;
+  // of a normal load that varies, at the time said last: N a_i, and what it does to the rate of the state
+  mutable std::vector<double> factors, ageing;
   LinearPoint no_friction;
   std::vector<NodeCoefficients> medium;  // of this rank's nodes; none where all have the same
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
@@ -42,27 +38,22 @@ struct Model::Impl {
   std::optional<MasslessChain> massless;
   mutable VecHandle settled;  // of a massless chain: u with its psi
   mutable long evaluations = 0;
-
-  // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one
-  // rank they are read from the Vec itself; else a scatter brings them.
-  std::vector<PetscInt> fetched;
-  std::vector<HaloValue> halo;  // half_width values left (from -half_width to -1), then as many right
-  bool halo_is_local = true;
-  ScatterHandle scatter;
-  VecHandle fetched_psi;
-  mutable std::vector<double> fetched_values;
+  std::optional<PsiHalo> halo;
 
   Impl(MPI_Comm communicator, const Scene& s)
       : comm(communicator), scene(s), dof(s.friction.has_state() ? 3 : 2), half_width(s.order / 2),
         no_friction(s, 0) {
-    int ranks = 1;
-    MPI_Comm_size(comm, &ranks);
+    const int ranks = ranks_in(comm);
     if (ranks > scene.n)
       throw usage_error("grid_n {} is less than the number of ranks {}; use at most one rank a node", scene.n,
                         ranks);
     share_nodes();
     amplitude = friction_amplitude(scene, first, local);
     set_up_law();
+    if (scene.normal.varies()) {
+      normal_piece = scene.normal.piece_from(0);
+      set_normal({scene.normal(0), scene.normal.slope_in_piece(normal_piece, 0)});
+    }
 
     coefficients = no_stencil = kernel::coefficients_of(scene);
     std::fill(std::begin(no_stencil.w), std::end(no_stencil.w), 0.);
@@ -82,7 +73,7 @@ struct Model::Impl {
     }
     if (scene.N() > 0) add_viscosity();
     if (scene.massless()) set_up_massless();
-    set_up_halo(ranks);
+    halo.emplace(scene, dof, first, local, create_vector());
   }
 
   void set_up_law() {
@@ -138,58 +129,18 @@ struct Model::Impl {
     return u;
   }
 
-  void set_up_halo(int ranks) {
-    const auto index_of = [&](PetscInt node) {
-      const auto found = std::find(fetched.begin(), fetched.end(), node);
-      if (found != fetched.end()) return static_cast<std::size_t>(found - fetched.begin());
-      fetched.push_back(node);
-      return fetched.size() - 1;
-    };
-    const auto add = [&](PetscInt node) {
-      HaloValue value;
-      if (node >= 0 && node < scene.n) {
-        value.emplace_back(index_of(node), 1.);
-      } else {
-        for (const auto& [inside, weight] : halo_node(scene, node))
-          value.emplace_back(index_of(inside), weight);
-      }
-      halo.push_back(value);
-    };
-    for (int j = -half_width; j < 0; ++j) add(first + j);
-    for (int j = 0; j < half_width; ++j) add(first + local + j);
-    fetched_values.resize(fetched.size());
-    halo_is_local = ranks == 1;
-    if (halo_is_local) return;
-
-    std::vector<PetscInt> entries;
-    for (const PetscInt node : fetched) entries.push_back(node * dof);
-    const auto count = static_cast<PetscInt>(entries.size());
-    const VecHandle pattern = create_vector();
-    SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_psi.out()));
-    IsHandle from;
-    SS_TRY(ISCreateGeneral(comm, count, entries.data(), PETSC_COPY_VALUES, from.out()));
-    SS_TRY(VecScatterCreate(pattern, from, fetched_psi, nullptr, scatter.out()));
-  }
-
-  // psi of node i of this rank, or of its halo once that is fetched.
-  double psi_at(const double* u, PetscInt i) const {
-    if (i >= 0 && i < local) return u[i * dof];
-    double psi = 0;
-    for (const auto& [index, weight] : halo[i < 0 ? i + half_width : half_width + i - local])
-      psi += weight * fetched_values[index];
-    return psi;
-  }
-
   // Runs `loop` over nodes [begin, end) of this rank; `u` and `f` hold all of them.
   void over_range(const RangeLoop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
                   PetscInt end) const {
     std::array<double, 4> before{}, behind{};
     for (int j = 0; j < half_width; ++j) {
-      before[j] = psi_at(u, begin - half_width + j);
-      behind[j] = psi_at(u, end + j);
+      before[j] = halo->psi_at(u, begin - half_width + j);
+      behind[j] = halo->psi_at(u, end + j);
     }
-    const double* const factors = scene.unit_amplitude() ? nullptr : &amplitude[begin];
-    loop(c, {u + begin * dof, factors, f + begin * dof, end - begin, before.data(), behind.data(),
+    const double* const own = !factors.empty()         ? &factors[begin]
+                              : scene.unit_amplitude() ? nullptr
+                                                       : &amplitude[begin];
+    loop(c, {u + begin * dof, own, f + begin * dof, end - begin, before.data(), behind.data(),
              direction ? direction + begin : nullptr, begin});
   }
 
@@ -220,6 +171,18 @@ struct Model::Impl {
       b[i * dof] = 0;
       if (scene.form == Form::continuum) b[i * dof + 1] = 0;
     });
+    for (std::size_t i = 0; i < ageing.size() && has_friction(part); ++i)
+      b[PetscInt(i) * dof + 2] += ageing[i];
+  }
+
+  double factor(PetscInt i) const { return factors.empty() ? amplitude[i] : factors[i]; }
+  void set_normal(const NormalLoad& normal) const {
+    factors.resize(std::size_t(local));
+    for (PetscInt i = 0; i < local; ++i) factors[i] = normal.N * amplitude[i];
+    if (scene.linker_dieterich == 0) return;
+    ageing.resize(std::size_t(local));
+    for (PetscInt i = 0; i < local; ++i)
+      ageing[i] = -scene.state_response(first + i) * normal.rate / normal.N;
   }
 
   // f = what the loop makes of u, held nodes like others.
@@ -228,18 +191,15 @@ struct Model::Impl {
     const Writing b(f);
     const Coefficients& c = with_stencil ? coefficients : no_stencil;
     const PetscInt hw = half_width;
-    if (!with_stencil || halo_is_local) {
-      if (halo_is_local)
-        for (std::size_t i = 0; i < fetched.size(); ++i) fetched_values[i] = a[fetched[i] * dof];
+    if (!with_stencil || halo->is_local()) {
+      if (halo->is_local()) halo->read(a);
       over_range(loop, c, a, b, 0, local);
     } else {
       // some nodes do not need the halo: they are done while it is under way
       const bool wide = local > 2 * hw;
-      SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
+      halo->begin(u);
       if (wide) over_range(loop, c, a, b, hw, local - hw);
-      SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
-      const Reading values(fetched_psi);
-      std::copy(values + 0, values + fetched_values.size(), fetched_values.begin());
+      halo->end(u);
       over_range(loop, c, a, b, 0, wide ? hw : local);
       if (wide) over_range(loop, c, a, b, local - hw, local);
     }
@@ -254,7 +214,7 @@ struct Model::Impl {
       point.set(friction_at(i, psi, s), (*law)[i].rate_partials(psi, s));
     } else if (has_friction(part)) {
       const Partials p = going == 0 ? Partials{0, 0, 0} : (*law)[i].sliding_partials(psi, s, going);
-      point.set(times(amplitude[i], p), (*law)[i].sliding_rate(psi, s, going));
+      point.set(times(factor(i), p), (*law)[i].sliding_rate(psi, s, going));
     }
     const bool rests = direction && going == 0;
     NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
@@ -287,7 +247,7 @@ struct Model::Impl {
   }
   static Partials times(double a, const Partials& p) { return {a * p.F, a * p.F_psi, a * p.F_state}; }
   Partials friction_at(PetscInt i, double psi, double state) const {
-    return times(amplitude[i], (*law)[i].partials(psi, state));
+    return times(factor(i), (*law)[i].partials(psi, state));
   }
 };
 
@@ -332,15 +292,36 @@ bool Model::viscous() const { return static_cast<bool>(impl_->viscous_force); }
 void Model::viscous_force(Vec u, Vec into) const { impl_->apply(impl_->viscous_force, true, u, into); }
 
 void Model::begin_load(double t) const {
-  if (!scene().load.varies()) return;
-  impl_->load_piece = scene().load.piece_from(t);
+  if (!scene().forced()) return;
+  if (scene().load.varies()) impl_->load_piece = scene().load.piece_from(t);
+  if (scene().normal.varies()) impl_->normal_piece = scene().normal.piece_from(t);
   set_time(t);
 }
+double Model::time() const { return impl_->time; }
 void Model::set_time(double t) const {
+  impl_->time = t;
+  if (scene().normal.varies()) impl_->set_normal(normal_load(t));
   if (scene().load.varies()) impl_->coefficients.v = impl_->no_stencil.v = plate_velocity(t);
 }
 double Model::plate_velocity(double t) const {
   return scene().load.varies() ? scene().load.in_piece(impl_->load_piece, t) : scene().v;
+}
+
+double Model::plate_acceleration(double t) const {
+  return scene().load.varies() ? scene().load.slope_in_piece(impl_->load_piece, t) : 0;
+}
+
+NormalLoad Model::normal_load(double t) const {
+  const Load& normal = scene().normal;
+  if (!normal.varies()) return {};
+  return {normal.in_piece(impl_->normal_piece, t), normal.slope_in_piece(impl_->normal_piece, t)};
+}
+void Model::pass_corner(Vec u, double t) const {
+  if (scene().linker_dieterich == 0) return;
+  const double step = std::log(scene().normal(t) / normal_load(t).N);
+  const Writing a(u);
+  for (PetscInt i = 0; i < local() && step != 0; ++i)
+    a[i * dof() + 2] -= scene().state_response(first() + i) * step;
 }
 
 MatHandle Model::create_jacobian(Part part) const {
@@ -473,7 +454,7 @@ bool Model::safeguard_newton_step(Vec u, double shift, Vec minus_step) const {
     const NodeCoefficients c = coefficients(i);
     const double mass = shift / c.A + c.B + c.K0 / shift;
     double* d = step + i * m.dof;
-    d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2], mass / m.amplitude[i]);
+    d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2], mass / m.factor(i));
   }
   return true;
 }

@@ -9,10 +9,19 @@
 #include <utility>
 
 #include "base/failure.hpp"
+#include "model/scene_reading.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/plate.hpp"
 
 namespace stickslip {
+
+std::string shown(const Options& options, const std::string& name) {
+  return "-" + name + " " + quoted(options.text(name));
+}
+
+void refuse(const Options& options, const std::vector<std::string>& names, const std::string& reason) {
+  for (const std::string& name : names)
+    if (options.is_set(name)) throw ForeignOption(shown(options, name) + ": " + reason);
+}
 
 namespace {
 
@@ -35,17 +44,6 @@ Enum value_of(const Names<Enum, N>& names, const std::string& text) {
   for (const auto& [key, name] : names)
     if (text == name) return key;
   throw std::logic_error("no such word: " + text);
-}
-
-// The option with the value the user gave, as it stands in messages.
-std::string shown(const Options& options, const std::string& name) {
-  return "-" + name + " " + quoted(options.text(name));
-}
-
-// The user gave one of `names`, although `reason` says that it has no meaning in this scene.
-void refuse(const Options& options, const std::vector<std::string>& names, const std::string& reason) {
-  for (const std::string& name : names)
-    if (options.is_set(name)) throw ForeignOption(shown(options, name) + ": " + reason);
 }
 
 void read_model(const Options& o, Scene& s) {
@@ -324,69 +322,6 @@ void read_profiles(const Options& o, Scene& s) {
   (void)Friction::along(f, places);
 }
 
-// Whether friction drops as a node begins to slip, everywhere.
-bool drops_at_release(const Scene& s) {
-  const auto drops = [](const Friction& law) {
-    const double state = 1, limit = law.threshold(state).value;
-    return limit - law.sliding_partials(0, state, 1).F > 1e-9 * limit;
-  };
-  if (!s.friction.varies()) return drops(*Friction::of(s.friction));
-  FrictionPlaces places;
-  for (PetscInt i = 0; i < s.n; ++i) places.push_back({s.x(i)});
-  const auto laws = Friction::along(s.friction, places);
-  return std::all_of(laws.begin(), laws.end(), [&](const auto& law) { return drops(*law); });
-}
-
-// A plate that halts, plate.hpp.
-Load read_halt(const Options& o, const Scene& s) {
-  const auto refuse_halt = [](const std::string& why) {
-    throw UsageError("-load_halt true: the plate stops while a node slips, and " + why);
-  };
-  if (o.command() == "fit") refuse_halt("a measurement comes from a plate that does not stop");
-  if (s.load.varies())
-    refuse_halt(
-        "only its displacement from one slip to the next counts; leave load_v and load_sine_* out, which "
-        "would change nothing but its clock");
-  if (!s.friction.sticks())
-    refuse_halt(
-        (s.friction.jumps_at_rest() ? "regularised" : o.text("friction_law")) +
-        " friction never lets a node rest, so the plate would never move; take a law with a threshold and "
-        "-friction_stick exact");
-  if (s.massless()) refuse_halt("nothing sticks exactly in a chain without mass (model_m 0)");
-  for (const auto& [end, value] : {std::pair{s.left, s.left_value}, {s.right, s.right_value}})
-    if (end == End::velocity && value != 0)
-      refuse_halt("an end that is held at the velocity " + number_text(value) +
-                  " always does; hold it at 0, or leave it free");
-  if (!drops_at_release(s))
-    refuse_halt(
-        "friction that does not drop as slip begins lets no node go that is pulled no further than its "
-        "threshold; take friction_law coulomb with friction_fd below friction_fs, or carlson-langer with "
-        "friction_sigma above 0");
-  return halting_load(s.v);
-}
-
-void read_load(const Options& o, Scene& s) {
-  const std::vector<std::string> sine = {"load_sine_amplitude", "load_sine_period"};
-  const std::string command = o.command();
-  const bool any = command.empty() || command == "run" || command == "sweep" || command == "fit";
-  const bool periodic = any || command == "cycle" || command == "boundary";
-  if (!any)
-    refuse(o, {"load_v", "load_halt"},
-           "the command " + command + " supports only a constant velocity of the plate" +
-               (periodic ? ", with or without a sine on it" : "") + "; `run` takes a load, and halts it");
-  if (!periodic)
-    refuse(o, sine,
-           "the command " + command +
-               " supports only a constant velocity of the plate; run, cycle and boundary take a sine");
-  if (o.is_set(sine[0]) != o.is_set(sine[1]))
-    throw UsageError("-" + sine[o.is_set(sine[0]) ? 0 : 1] + ": a sine needs " + sine[0] + " and " + sine[1]);
-  const std::vector<std::pair<double, double>> points = o.pairs("load_v");
-  if (!points.empty() && points.front().first < 0)
-    throw UsageError(shown(o, "load_v") + ": times from 0 on, where a run begins");
-  s.load = Load(s.v, points, o.real("load_sine_amplitude"), o.real("load_sine_period"));
-  if (o.boolean("load_halt")) s.load = read_halt(o, s);
-}
-
 void read_ends(const Options& o, Scene& s) {
   s.left = value_of(end_names, o.text("bc_left"));
   s.right = value_of(end_names, o.text("bc_right"));
@@ -445,7 +380,7 @@ Scene Scene::from(const Options& options, bool) {
   read_grid(options, scene);
   read_medium(options, scene);
   read_profiles(options, scene);
-  read_load(options, scene);
+  read_loads(options, scene);
   return scene;
 }
 

@@ -137,7 +137,7 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
       const double* at = Y.row(j).data();
       const double phase = mesh_[i] + (mesh_[i + 1] - mesh_[i]) * gauss().c[size_t(j)];
       field->rates_at(phase, at, f.row(j).data());
-      field->jacobian(at, &J[j * d * d]);
+      field->jacobian_at(phase, at, &J[j * d * d]);
       slope.row(j) = period.slope / period.T * f.row(j);
       field->add_slope(at, f.row(j).data(), slope.row(j).data());
       if (!family_) continue;
@@ -231,8 +231,9 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
     for (size_t i = 0; i < n_; ++i)
       for (size_t j = 0; j < stages; ++j) {
         const size_t at = i * b + (j + 1) * d;
-        field_->safeguard_step(&x[at], gauss().a[j * (stages + 1)] * (mesh_[i + 1] - mesh_[i]) * period,
-                               &s.dx[at]);
+        const double width = mesh_[i + 1] - mesh_[i];
+        field_->safeguard_step(mesh_[i] + width * gauss().c[j], &x[at],
+                               gauss().a[j * (stages + 1)] * width * period, &s.dx[at]);
       }
     for (size_t k = 0; k < x.size(); ++k) x[k] += s.dx[k];
     result.residual = s.residual;

@@ -96,6 +96,19 @@ void load_options(OptionTableBuilder& t) {
   t.real("load_sine_amplitude", "0", "run cycle boundary: a sine on top of v(t): its amplitude", "velocity");
   t.positive("load_sine_period", "1", "run cycle boundary: its period", "time")
       .where_not_zero("load_sine_amplitude");
+  t.real("load_force_sine_amplitude", "0",
+         "run cycle boundary: p of a force p sin(2 pi t/T) on every node, beside eta", "1");
+  t.positive("load_force_sine_period", "1", "run cycle boundary: its period T", "time")
+      .where_not_zero("load_force_sine_amplitude");
+  t.add("load_normal", OptionType::pairs, "",
+        "run: N(t), by which friction and its threshold are multiplied, t1:N1,t2:N2,... or a file of two "
+        "columns, as load_v takes them; N > 0")
+      .unset("none")
+      .unit("1");
+  t.real("load_normal_sine_amplitude", "0",
+         "run cycle boundary: a sine on top of N(t), or of 1: its amplitude", "1");
+  t.positive("load_normal_sine_period", "1", "run cycle boundary: its period", "time")
+      .where_not_zero("load_normal_sine_amplitude");
   t.boolean("load_halt", "false",
             "run: the plate and its clock stop while any node slips (friction that sticks exactly)");
 }
@@ -111,6 +124,8 @@ void contact_options(OptionTableBuilder& t) {
           "slip-weakening, bristles with lugre and dahl",
           laws.default_state);
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
+  t.real("state_linker_dieterich", "0",
+         "alpha: ageing and slip lose alpha N'/(b N) of ln theta with a normal load N(t), load_normal", "1");
 }
 
 void grid_options(OptionTableBuilder& t) {

@@ -38,7 +38,7 @@ void CarriedFrame::keep(const Model& model, const Scene& whole, Vec u, double t)
   for (std::size_t d = 0; d < names.size(); ++d) {
     std::vector<double> values;
     for (PetscInt i = 0; i < whole.n && !own[d].empty(); ++i) {
-      const double value = own[d][i % model.scene().n];
+      const double value = own[d][i % model.scene().n] - (d == 1 ? whole.push(t) : 0);
       values.push_back(d == 2 ? state_to_output(law, value) : value);
     }
     broadcast(values);

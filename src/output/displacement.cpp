@@ -161,7 +161,10 @@ bool Displacement::has_energy() const { return !model_.scene().any_held(); }
 
 Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
-  const double v = model_.plate_velocity(t);
+  model_.set_time(t);  // friction may depend on it
+  // the plate exerts the harmonic force in the equations alone
+  const double push = s.push(t), shift = push == 0 ? 0 : push / s.K0(),
+               v = model_.plate_velocity(t) - s.push_velocity(t);
   if (floats_)
     solve_since_start(u, t, w_);
   else
@@ -177,11 +180,11 @@ Energy Displacement::energy(Vec u, double t) const {
     const PetscInt node = model_.first() + i;
     const double weight = node_weight(s, node);
     const NodeCoefficients c = model_.coefficients(i);
-    const double *at = a + i * model_.dof(), psi = at[0], z = at[1] + damping(i) * psi;
+    const double *at = a + i * model_.dof(), psi = at[0], z = at[1] - push + damping(i) * psi;
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
     sums[0] += weight * psi * psi / (2 * c.A);
-    sums[1] -= weight * w[i] * (floats_ ? z + eta_at_start_[std::size_t(i)] : z) / 2;
-    sums[2] += floats_ ? 0 : weight * v * z;
+    sums[1] -= weight * (w[i] + shift) * (floats_ ? z + eta_at_start_[std::size_t(i)] : z) / 2;
+    sums[2] += floats_ ? 0 : weight * (v * z + push * psi);
     sums[3] += weight * psi * F;
     sums[4] += weight * (c.B + damping(i)) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];

@@ -13,6 +13,7 @@
 #include "model/node_weight.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
+#include "output/normal_in_step.hpp"
 #include "output/regions.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
@@ -77,6 +78,7 @@ struct Events::Impl {
   std::vector<double> rupture;       // where asked for: when a node in a region first slipped in this event
   // which nodes move in the step under way, and did in the last one
   std::vector<unsigned char> moving, moved;
+  NormalInStep normal;
   std::vector<SlipEvent> ended;
   long count = 0;
 
@@ -102,9 +104,10 @@ struct Events::Impl {
   bool moves(std::size_t i, const Fields& fields) const { return std::abs(fields[0][i]) > velocity; }
 
   // Friction of a node; at psi = 0 it is that of the motion in `direction` which begins or ends there.
-  double force(std::size_t i, double psi, double state, double direction) const {
-    return amplitude[i] * friction[PetscInt(i)].force(
-                              psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
+  double force(std::size_t i, double psi, double state, double direction, double load) const {
+    return load * amplitude[i] *
+           friction[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi,
+                                       state);
   }
 
   // The state in the middle of a step, on the cubic through values and slopes at its ends.
@@ -115,7 +118,10 @@ struct Events::Impl {
       const double at_rest = direction * std::numeric_limits<double>::min();
       return friction[PetscInt(i)].rate(psi == 0 ? at_rest : psi, s);
     };
-    return (s0 + s1) / 2 + dt / 8 * (rate(p0, s0) - rate(p1, s1));
+    const double middle = (s0 + s1) / 2 + dt / 8 * (rate(p0, s0) - rate(p1, s1));
+    if (scene.linker_dieterich == 0) return middle;
+    return middle -
+           dt / 8 * scene.state_response(first + PetscInt(i)) * (normal.log_rate[0] - normal.log_rate[1]);
   }
 
   // psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have
@@ -124,8 +130,8 @@ struct Events::Impl {
     const double p0 = last[0][i], p1 = now[0][i], direction = p0 + p1 < 0 ? -1 : 1;
     const bool has_state = last.size() > 2;
     const double A = own(i).A, B = own(i).B;
-    double m0 = A * (last[1][i] - B * p0 - force(i, p0, has_state ? last[2][i] : 0, direction));
-    double m1 = A * (now[1][i] - B * p1 - force(i, p1, has_state ? now[2][i] : 0, direction));
+    double m0 = A * (last[1][i] - B * p0 - force(i, p0, has_state ? last[2][i] : 0, direction, normal.N[0]));
+    double m1 = A * (now[1][i] - B * p1 - force(i, p1, has_state ? now[2][i] : 0, direction, normal.N[2]));
     m0 += A * viscous[0][i];
     m1 += A * viscous[2][i];
     return (p0 + p1) / 2 + dt / 8 * (m0 - m1);
@@ -183,6 +189,8 @@ struct Events::Impl {
   // rest.
   std::vector<double> settled_force() const {
     std::vector<double> eta = last[1];
+    if (const double push = scene.push(t); push != 0)
+      for (double& one : eta) one -= push;
     if (scene.form == Form::chain) return eta;
     for (std::size_t i = 0; i < n; ++i)
       if (own(i).s_delta != 0 && moves(i, last)) eta[i] += own(i).s_delta / own(i).A * last[0][i];
@@ -205,13 +213,13 @@ struct Events::Impl {
     const bool has_state = last.size() > 2;
     const double s0 = has_state ? last[2][i] : 0, s1 = has_state ? now[2][i] : 0;
     const double direction = p0 + p1 < 0 ? -1 : 1;
-    const double F0 = p0 != 0 && moved[i] ? last_force[i] : force(i, p0, s0, direction),
-                 F1 = force(i, p1, s1, direction);
+    const double F0 = p0 != 0 && moved[i] ? last_force[i] : force(i, p0, s0, direction, normal.N[0]),
+                 F1 = force(i, p1, s1, direction, normal.N[2]);
     last_force[i] = F1;
     const double A = own(i).A, B = own(i).B;
     const double m0 = A * (last[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
     const double p = d2.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt);
-    const double F = force(i, p, has_state ? middle_state(i, dt) : 0, direction);
+    const double F = force(i, p, has_state ? middle_state(i, dt) : 0, direction, normal.N[1]);
     const double step = dt / 6 * (p0 + 4 * p + p1);
     live.moves = true;
     slip[i] += step;
@@ -225,11 +233,12 @@ struct Events::Impl {
   }
 
   // Friction at psi of nodes side by side that go from last to now.
-  void forces_at(std::size_t from, std::size_t size, const double* psi, const double* state,
+  void forces_at(std::size_t from, std::size_t size, const double* psi, const double* state, double load,
                  double* F) const {
     double aimed[side_by_side];
     event_loops::aim({psi, &last[0][from], &now[0][from], aimed, size});
     forces(PetscInt(from), PetscInt(size), aimed, state, F);
+    for (std::size_t k = 0; k < size && load != 1; ++k) F[k] *= load;
     if (scene.unit_amplitude()) return;
     const double* const a = &amplitude[from];
     for (std::size_t k = 0; k < size; ++k) F[k] *= a[k];
@@ -248,12 +257,12 @@ struct Events::Impl {
     for (std::size_t k = 0, unknown = event_loops::count_unknown({p0, knows, size}); k < size && unknown > 0;
          ++k)
       if (p0[k] == 0 || !knows[k])
-        F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
-    forces_at(from, size, p1, s1, F1);
+        F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1, normal.N[0]);
+    forces_at(from, size, p1, s1, normal.N[2], F1);
     const double A = own(0).A, B = own(0).B;  // of all
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
     for (std::size_t k = 0; k < size && has_state; ++k) state[k] = middle_state(from + k, dt);
-    forces_at(from, size, p, state, F);
+    forces_at(from, size, p, state, normal.N[1], F);
     const auto [work, squares, ends] =
         event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
     live.moves = true;
@@ -337,7 +346,7 @@ struct Events::Impl {
       EventSums own;
       own_nodes_of(id, [&](PetscInt k) {
         const auto i = static_cast<std::size_t>(k);
-        own.add(weight(i), slip[i], eta_before(k, id, *live.before, beside), last[1][i]);
+        own.add(weight(i), slip[i], eta_before(k, id, *live.before, beside), last[1][i] - scene.push(t));
       });
       for (const double part :
            {own.moment, own.drop, own.strain, live.event.friction_work, live.event.radiated})
@@ -362,10 +371,19 @@ struct Events::Impl {
     }
   }
 
+  // Where the normal load jumps, friction and state are not what they were at the end of the last step.
+  void pass_jump_of_load(double of_log) {
+    if (of_log == 0) return;
+    std::fill(moved.begin(), moved.end(), 0);
+    for (std::size_t i = 0; i < n && scene.linker_dieterich != 0; ++i)
+      last[2][i] -= scene.state_response(first + PetscInt(i)) * of_log;
+  }
+
   // From last to now.
   void advance(double to) {
     if (started) {
       const double dt = to - t;
+      pass_jump_of_load(normal.begin_step(scene.normal, t, dt));
       for (auto& [id, live] : regions.live()) {
         live.moves = false;
         live.kinetic_now = 0;
@@ -377,6 +395,7 @@ struct Events::Impl {
       moved.swap(moving);
       finish(find_over());
     }
+    if (!started) normal.N.fill(scene.normal_load(to));
     last.swap(now);
     t = to;
     started = true;
@@ -436,6 +455,7 @@ void Events::archive(Archive& a) {
     throw std::runtime_error(
         "its events were written by another revision of this program; go on with that one");
   m.regions.number_from(next_id);
+  m.normal.end_at(m.scene.normal, m.t);
   a.list("events.live", [&](NumberList& x) {
     x.rest(events, [&](Kept& kept) {
       SlipEvent& e = kept.live.event;

@@ -98,6 +98,7 @@ void Frames::step(const ObservedStep& step) {
 }
 
 void Frames::write(double t) {
+  model_.set_time(t);
   model_.set_held(work_);
   const auto dof = std::size_t(model_.dof());
   rows_.resize(dof + (displacement_ ? 1 : 0));
@@ -109,6 +110,8 @@ void Frames::write(double t) {
   if (dof == 3)
     std::transform(rows_[2].begin(), rows_[2].end(), rows_[2].begin(),
                    [&](double s) { return state_to_output(state_, s); });
+  if (const double push = model_.scene().push(t); push != 0)
+    for (double& eta : rows_[1]) eta -= push;
   if (displacement_) {
     displacement_->solve(work_, t, chi_);
     slab_.take(Reading(chi_), 1, rows_[dof]);

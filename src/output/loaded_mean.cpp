@@ -11,7 +11,7 @@ namespace stickslip {
 
 LoadedMean::LoadedMean(const Model& model) : model_(model) {
   const Scene& s = model.scene();
-  period_ = s.any_held() || s.medium.profile("model_k0") || s.K0() == 0 ? 0 : s.load.period();
+  period_ = s.any_held() || s.medium.profile("model_k0") || s.K0() == 0 ? 0 : s.forcing_period();
   if (period_ > 0) work_ = model.create_vector();
 }
 
@@ -58,9 +58,9 @@ void LoadedMean::step(const ObservedStep& step) {
 void LoadedMean::summarise(Summary& summary, Vec u) {
   if (!u || count_ < 2) return;
   const double end = double(count_ - 1) * period_, begin = end - period_;
-  const Load& load = model_.scene().load;
-  const double way = load.integral(end) - load.integral(begin);
-  summary.set("psi_loaded_mean", (way - (marks_[1] - marks_[0]) / model_.scene().K0()) / period_);
+  const Scene& scene = model_.scene();
+  const double way = scene.way(end) - scene.way(begin);
+  summary.set("psi_loaded_mean", (way - (marks_[1] - marks_[0]) / scene.K0()) / period_);
 }
 
 }  // namespace stickslip

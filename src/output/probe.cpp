@@ -55,7 +55,8 @@ double FrictionAt::force(std::size_t place, double psi, double state) const {
   return amplitude_[place] * laws_[laws_.size() == 1 ? 0 : place]->force(psi, state);
 }
 
-Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
+Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
+    : model_(model), dof_(model.dof()) {
   const bool varies = whole.laws_differ();
   if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<double> places;  // of the nodes
@@ -107,6 +108,7 @@ const Probes::Values& Probes::read(const std::function<void(PetscInt, double*)>&
 }
 
 const Probes::Values& Probes::values_of(const double* a) {
+  const double N = model_.normal_load(model_.time()).N, push = model_.scene().push(model_.time());
   for (std::size_t row = 0; row < rows_.size(); ++row) {
     double psi = 0, eta = 0;
     for (const Part& part : rows_[row]) {
@@ -114,12 +116,13 @@ const Probes::Values& Probes::values_of(const double* a) {
       const double state = dof_ > 2 ? node[2] : 0;
       psi += part.weight * node[0];
       eta += part.weight * node[1];
-      if (part.excess != 0) eta += part.weight * part.excess * friction_->force(node[0], state);
+      if (part.excess != 0) eta += part.weight * N * part.excess * friction_->force(node[0], state);
       if (here_ && rows_[row].size() > 1)
-        eta += part.weight * (here_->force(row, node[0], state) - own_->force(part.index, node[0], state));
+        eta +=
+            part.weight * N * (here_->force(row, node[0], state) - own_->force(part.index, node[0], state));
     }
     values_.psi[row] = psi;
-    values_.eta[row] = eta;
+    values_.eta[row] = eta - push;
   }
   return values_;
 }

@@ -151,7 +151,7 @@ struct Regime::Impl {
     a.linear = std::isfinite(growth) ? growth : 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
-    a.forcing = s.load.period();
+    a.forcing = s.forcing_period();
     const double pull = mean_K0(s) * std::abs(s.v);
     // distance, speed, holding force, minus the time to give way
     std::array<double, 4> largest{0, 0, 0, -infinity};
@@ -211,7 +211,7 @@ const Measured& Regime::result(Vec u) {
   const FieldWatch::Result field = impl_->field.result();
   Measured m;
   // Sliding, stick-slip and the rest are kinds of motion under a constant velocity of the plate.
-  const bool loaded = impl_->model.scene().load.varies();
+  const bool loaded = impl_->model.scene().forced();
   if (!loaded) {
     m.motion = j.motion;
     m.rate = j.rate;
@@ -241,17 +241,20 @@ void Regime::summarise(Summary& summary, Vec u) {
   if (!u) return;
   const Measured& m = result(u);
   summary.set("regime", to_string(m.motion));
-  if (impl_->model.scene().load.varies())
-    summary.set(
-        "regime_reason",
-        "the plate's velocity varies (load_v, load_sine_amplitude, load_halt): sliding, stick-slip and the "
-        "like are said of a constant one");
+  const Scene& scene = impl_->model.scene();
+  if (scene.forced())
+    summary.set("regime_reason",
+                (scene.normal.varies() ? "the normal load varies (load_normal, load_normal_sine_amplitude)"
+                 : scene.force.amplitude != 0
+                     ? "a harmonic force acts (load_force_sine_amplitude)"
+                     : "the plate's velocity varies (load_v, load_sine_amplitude, load_halt)") +
+                    std::string(": sliding, stick-slip and the like are said of a constant one"));
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);
   summary.set("time_to_decide", m.time_to_decide);
   summary.set("amplitude", m.amplitude);
-  if (m.period && !impl_->model.scene().load.varies()) summary.set("period", m.period);
+  if (m.period && !scene.forced()) summary.set("period", m.period);
   if (m.high >= m.low) {
     summary.set("psi_low", m.low);
     summary.set("psi_high", m.high);

@@ -18,16 +18,16 @@ FieldStatistics statistics(const Model& model, Vec u) {
   largest_over(model.comm(), extremes, 2);
   sum_over(model.comm(), sums, 2);
   const auto nodes = double(model.scene().n);
-  return {-extremes[0], extremes[1], sums[0] / nodes, sums[1] / nodes};
+  return {-extremes[0], extremes[1], sums[0] / nodes, sums[1] / nodes - model.scene().push(model.time())};
 }
 
 struct Series::Row {
   FieldStatistics fields;
-  double dt, steps, rejections, v, plate_time;
+  double dt, steps, rejections, v, plate_time, normal;
   Energy energy;  // of the whole scene
 };
 
-std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool energy) {
+std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool normal, bool energy) {
   std::vector<RowColumn<Row>> columns = {
       {{"psi_mean", "length/time", "mean of psi over the nodes"},
        [](const Row& r) { return r.fields.psi_mean; }},
@@ -42,13 +42,16 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool e
       {{"v", "length/time", "velocity of the driving plate"}, [](const Row& r) { return r.v; }}};
   const std::vector<RowColumn<Row>> of_halt = {{{"plate_time", "time", "with `load_halt`: the plate's clock"},
                                                 [](const Row& r) { return r.plate_time; }}};
+  const std::vector<RowColumn<Row>> of_normal = {
+      {{"normal", "1", "normal load, by which friction is multiplied"},
+       [](const Row& r) { return r.normal; }}};
   const std::vector<RowColumn<Row>> of_energy = {
       // see displacement.hpp
       {{"energy_kinetic", "amplitude*length", "kinetic energy in units of the friction amplitude"},
        [](const Row& r) { return r.energy.kinetic; }},
       {{"energy_elastic", "amplitude*length", "elastic energy"},
        [](const Row& r) { return r.energy.elastic; }},
-      {{"power_input", "amplitude*length/time", "power of the driving plate"},
+      {{"power_input", "amplitude*length/time", "power of the driving plate, and of a harmonic force"},
        [](const Row& r) { return r.energy.input; }},
       {{"power_friction", "amplitude*length/time", "power lost in friction"},
        [](const Row& r) { return r.energy.friction; }},
@@ -56,6 +59,7 @@ std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool halt, bool e
        [](const Row& r) { return r.energy.viscous; }}};
   if (load) columns.insert(columns.end(), of_load.begin(), of_load.end());
   if (halt) columns.insert(columns.end(), of_halt.begin(), of_halt.end());
+  if (normal) columns.insert(columns.end(), of_normal.begin(), of_normal.end());
   if (energy) columns.insert(columns.end(), of_energy.begin(), of_energy.end());
   return columns;
 }
@@ -69,10 +73,10 @@ Series::Series(const Model& model, const Scene& whole, const Displacement* displ
   if (displacement && !displacement_)
     warn("out_series: the series hold no energies and powers with a held end, which works on the system too");
   cells_ = whole.form == Form::chain ? blocks : whole.length / cell.length;
-  columns_ = columns(cell.load.varies(), halts(cell), displacement_ != nullptr);
+  columns_ = columns(cell.load.varies(), halts(cell), cell.normal.varies(), displacement_ != nullptr);
 }
 
-std::vector<Field> Series::fields() { return fields_of(columns(true, true, true)); }
+std::vector<Field> Series::fields() { return fields_of(columns(true, true, true, true)); }
 
 void Series::plan(ObservationPlan& plan) {
   plan.layout.series = fields_of(columns_);
@@ -81,12 +85,14 @@ void Series::plan(ObservationPlan& plan) {
 
 void Series::step(const ObservedStep& step) {
   if (by_clusters_ ? step.index > 0 && !displacement_ : step.index % every_ != 0) return;
+  model_.set_time(step.t);
   Row row{statistics(model_, step.u),
           step.t - (by_clusters_ ? last_ : step.t_before),
           double(step.index),
           double(step.rejections),
-          model_.plate_velocity(step.t),
+          model_.plate_velocity(step.t) - model_.scene().push_velocity(step.t),
           plate_.at(step.t),
+          model_.normal_load(step.t).N,
           {}};
   if (displacement_) {
     const Energy e = displacement_->energy(step.u, step.t);
@@ -118,6 +124,7 @@ void Series::put(double t, const MediumNow& now) {
           : load.varies()       ? load.in_piece(load.piece_from(std::nextafter(t, 0.)), t)
                                 : model_.scene().v,
           plate_.at(t),
+          1,
           {unknown, unknown, unknown, unknown, unknown}};
   put(t, row);
 }
@@ -144,7 +151,8 @@ void Series::archive(Archive& a) {
 }
 
 ProbeRows::ProbeRows(const Model& model, const Scene& whole, std::vector<double> x)
-    : x_(std::move(x)), probes_(model, whole, x_), attention_(probes_.nodes(), model.scene().n) {}
+    : model_(model), x_(std::move(x)), probes_(model, whole, x_),
+      attention_(probes_.nodes(), model.scene().n) {}
 
 void ProbeRows::plan(ObservationPlan& plan) {
   plan.layout.probe_x = x_;
@@ -153,6 +161,7 @@ void ProbeRows::plan(ObservationPlan& plan) {
 
 void ProbeRows::step(const ObservedStep& step) {
   if (!file_ || x_.empty()) return;
+  model_.set_time(step.t);
   if (by_clusters_)
     put(step.t, probes_.read(step.u));
   else

@@ -44,7 +44,7 @@ class Series : public Observer {
   void put(double t, const Row& row);
   void put(double t, const MediumNow& now);
   // `load`: it varies; `halt`: the plate has a clock of its own; `energy`: its balance is known.
-  static std::vector<RowColumn<Row>> columns(bool load, bool halt, bool energy);
+  static std::vector<RowColumn<Row>> columns(bool load, bool halt, bool normal, bool energy);
 
   const Model& model_;
   const Plate& plate_;
@@ -80,6 +80,7 @@ class ProbeRows : public Observer {
   RowOfTime::Write writer() const;
   void put(double t, const Probes::Values& values);
 
+  const Model& model_;
   std::vector<double> x_;
   Probes probes_;
   Attention attention_;

@@ -41,7 +41,7 @@ double Traces::slope(const Place& place, const Sample& at) const {
   if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
   if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
   const double force =
-      model_.amplitude()[place.node] * model_.friction_law(place.node).force(at.psi, at.state);
+      at.normal * (model_.amplitude()[place.node] * model_.friction_law(place.node).force(at.psi, at.state));
   const NodeCoefficients c = model_.coefficients(place.node);
   return at.slope = c.A * (at.eta - c.B * at.psi - force);
 }
@@ -160,9 +160,11 @@ void Traces::step(const ObservedStep& step) {
     begin_windows_for(step.t, step.t - step.t_before);
   }
   const int dof = model_.dof();
+  const double normal = model_.normal_load(step.t).N;
   for (std::size_t k = 0; k < places_.size(); ++k) {
     const double* const at = &values[places_[k].node * dof];
-    const Sample next = sample(at[0], at[1], dof == 3 ? at[2] : 0);
+    Sample next = sample(at[0], at[1], dof == 3 ? at[2] : 0);
+    next.normal = normal;
     if (begins) {
       low_[k] = high_[k] = next.psi;
       before_[k] = now_[k] = next;
@@ -277,6 +279,14 @@ bool Traces::archive(Archive& a, bool by_clusters) {
       for (double* value : {&sample->psi, &sample->eta, &sample->state}) samples.push_back({at++, value});
   }
   a.spread("traces.samples", 6 * count_, samples);
+  if (model_.scene().normal.varies()) {
+    std::vector<Archive::Own> loads;
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      loads.push_back({2 * places_[k].index, &now_[k].normal});
+      loads.push_back({2 * places_[k].index + 1, &before_[k].normal});
+    }
+    a.spread("traces.normal", 2 * count_, loads);
+  }
   if (a.restores() ? !a.has("traces.times") : !by_clusters) return true;
   std::vector<Archive::Own> times;
   for (std::size_t k = 0; k < places_.size(); ++k) {

@@ -51,7 +51,7 @@ class Traces {
 
  private:
   struct Sample {
-    double psi = 0, eta = 0, state = 0;
+    double psi = 0, eta = 0, state = 0, normal = 1;
     mutable double slope = std::numeric_limits<double>::quiet_NaN();  // psi_t, once somebody has asked
   };
   struct Place {

@@ -14,7 +14,7 @@ namespace stickslip {
 std::optional<double> closed_form_velocity(const Scene& s) {
   if (!s.nodes_alike() || s.friction.has_state() || s.friction.regularised || s.any_held())
     return std::nullopt;
-  if (s.load.varies() || s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
+  if (s.forced() || s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
   // damping A (B + F_psi) + s delta = 0
   const double v = Friction::of(s.friction)->velocity_of_slope(-(s.B() + s.s_delta() / s.A()));
   return v >= 0 && std::isfinite(v) ? std::optional<double>(v) : std::nullopt;

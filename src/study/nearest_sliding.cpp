@@ -73,7 +73,9 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
 NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations) {
   const Scene& s = model.scene();
   const auto none = [](const std::string& why) { return NearestGrowth{unknown, unknown, why, unknown}; };
+  if (s.force.amplitude != 0) return none("a harmonic force acts, so that nothing slides steadily");
   if (s.load.varies()) return none("the plate's velocity varies, so that nothing slides steadily");
+  if (s.normal.varies()) return none("the normal load varies, so that nothing slides steadily");
   if (s.v == 0 && s.friction.sticks() && (slides_uniformly(s) || !has_held_end(s)))
     return none("friction jumps at psi = 0: it has no slope there");
   if (slides_uniformly(s)) {

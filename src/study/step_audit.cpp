@@ -209,7 +209,7 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   v.near_sliding = near_sliding(m.model, u);
   // What the mean medium does says little of one whose parts differ, and nothing slides steadily under a
   // load.
-  if (m.model.scene().has_profile() || m.model.scene().load.varies()) return v;
+  if (m.model.scene().has_profile() || m.model.scene().forced()) return v;
   StepForecast forecast(m.model, nullptr, m.integrator);
   for (const auto& [dt, time] : m.taken_near) v.near_time += time;
   // at the steps that are given; the true one where there are none

@@ -33,7 +33,8 @@ double friction_rate_ahead(const Model& model, Vec u) {
   const Scene& s = model.scene();
   const SlopeBounds ahead = model.slope_bounds();
   const double steepest = std::max(ahead.falling, ahead.rising);
-  if (steepest > 0) rate = std::max(rate, model.largest_resistance(steepest));
+  const double normal = s.normal.varies() ? s.normal.largest() : 1;
+  if (steepest > 0) rate = std::max(rate, model.largest_resistance(normal * steepest));
   if (model.dof() == 3 && s.v != 0) {
     double fastest = 0;
     for (PetscInt i = 0; i < (s.friction.varies() ? model.local() : 1); ++i)
@@ -69,6 +70,19 @@ void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   if (choice.named_fused)
     throw usage_error("ts_type {}: it does not support model_m 0; use ts_type {}",
                       FusedTs::fused_type(choice.type), choice.type);
+  choice.fused = false;
+}
+
+// Friction changes with time between the stages of a step too, which the library's own steps of most methods
+// follow.
+void fit_normal_load(Choice& choice, const std::string& name) {
+  if (choice.type == TSROSW || choice.type == leapfrog_type)
+    throw usage_error(
+        "ts_type {}: it does not follow a normal load that varies within a step (load_normal, "
+        "load_normal_sine_amplitude); use rk or arkimex",
+        choice.type);
+  if (choice.named_fused)
+    throw usage_error("ts_type {}: it does not know load_normal; use ts_type {}", name, choice.type);
   choice.fused = false;
 }
 
@@ -263,6 +277,7 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
       choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
   choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
+  if (model.scene().normal.varies()) fit_normal_load(choice, set ? name : "");
   if (choice.fused)
     choice.fused = can_be_fused(choice.type, choice.implicit, prefix, model.scene().medium.varies());
   if (choice.named_fused && !choice.fused)

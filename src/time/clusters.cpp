@@ -20,6 +20,12 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 std::string Clusters::refusal(const Scene& s) {
   if (!Stick::applies_to(s)) return "friction does not stick exactly";
+  if (s.normal.varies())
+    return "the normal load varies (load_normal, load_normal_sine_amplitude), and with it when resting nodes "
+           "begin to slip: steps of the whole medium take that";
+  if (s.force.amplitude != 0)
+    return "a harmonic force (load_force_sine_amplitude) acts on every node: steps of the whole medium take "
+           "that";
   if (s.friction.has_state() && s.load.varies())
     return "friction has a state, and the plate's velocity varies (load_v, load_sine_amplitude, load_halt)";
   if (s.n < 2 * s.order) return "there are fewer than " + std::to_string(2 * s.order) + " nodes";

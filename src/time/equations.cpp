@@ -29,7 +29,7 @@ void Equations::subtract_load_rate(TS ts, Vec f) const {
   SS_TRY(TSGetTime(ts, &begin));
   SS_TRY(TSGetTimeStep(ts, &dt));
   const Scene& s = model_.scene();
-  const double acceleration = plate_acceleration(model_, begin);
+  const double acceleration = model_.plate_acceleration(begin);
   const Writing a(f);
   for (PetscInt i = 0; i < model_.local(); ++i)
     if (s.form == Form::chain || !model_.held(model_.first() + i))

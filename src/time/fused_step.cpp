@@ -29,22 +29,6 @@ class SlopeArrays {
   Writing last_;
 };
 
-}  // namespace
-
-// v = w + a sine, w straight in a piece of the load: over a whole period the sine is gone, over half of one
-// it turns.
-double plate_acceleration(const Model& model, double t) {
-  const auto v = [&](double at) { return model.plate_velocity(at); };
-  const double half = model.scene().load.smooth_time();
-  if (!std::isfinite(half)) return model.scene().load.varies() ? v(t + 1) - v(t) : 0;
-  const double slope = (v(t + 2 * half) - v(t)) / (2 * half);
-  // by a quarter of its period
-  const double sine_ahead = (v(t + half / 2) - v(t + 1.5 * half) + slope * half) / 2;
-  return slope + M_PI / half * sine_ahead;
-}
-
-namespace {
-
 // Whether slope j has a weight in a row of a matrix or in a sum.
 bool has_weight(const std::vector<double>& rows, int stages, int j) {
   for (std::size_t k = j; k < rows.size(); k += stages)
@@ -236,7 +220,7 @@ kernel::Coefficients TiledStep::at_stage(const Step& step, const Stage& stage) c
   const Model& model = tiles_.model();
   c.v = model.plate_velocity(step.t + stage.time * step.dt);
   if (stage.rate != 0 && model.scene().load.varies())
-    c.v += stage.rate * step.dt * plate_acceleration(model, step.t);
+    c.v += stage.rate * step.dt * model.plate_acceleration(step.t);
   return c;
 }
 

@@ -114,7 +114,4 @@ class TiledStep : public StepTaker {
   tile::Pointwise pointwise_;
 };
 
-// dv/dt of the plate at t, in the piece of the load that Model::begin_load() has said; 0 without a load.
-double plate_acceleration(const Model& model, double t);
-
 }  // namespace stickslip

@@ -68,6 +68,7 @@ struct Integrator::Impl {
   static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept);
   static PetscErrorCode PostStep(TS ts);
   void start(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps);
+  void pass_corner(Vec u, double t) const;
   TSConvergedReason solve(Vec u);
   void solve_finite(Vec u);
   TSConvergedReason solve_piece(Vec u);

@@ -37,7 +37,7 @@ class Forces {
 bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !scene.massless(); }
 
 Stick::Stick(const Model& model)
-    : model_(model), loaded_(model.scene().load.varies() && !halts(model.scene())), dof_(model.dof()),
+    : model_(model), loaded_(model.scene().forced() && !halts(model.scene())), dof_(model.dof()),
       free_end_(model.local()), both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
       slope_(model.create_vector()), next_slope_(model.create_vector()),
       candidates_(std::make_unique<Candidates>()) {
@@ -49,18 +49,21 @@ Stick::Stick(const Model& model)
 Stick::~Stick() { model_.set_direction(nullptr); }
 
 // u: the unknowns of node i.
-double Stick::threshold(PetscInt i, const double* u) const {
-  return dof_ == 2 ? fixed_threshold_[i] : threshold_at(i, u[2]);
+double Stick::threshold(PetscInt i, const double* u, const NormalLoad& normal) const {
+  return normal.N * (dof_ == 2 ? fixed_threshold_[i] : threshold_at(i, u[2]));
 }
 double Stick::threshold_at(PetscInt i, double state) const {
   return model_.amplitude()[i] * model_.friction_law(i).threshold(state).value;
 }
-double Stick::threshold_rate(PetscInt i, const double* u) const {
-  if (dof_ == 2) return 0;
+double Stick::threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const {
+  if (dof_ == 2) return normal.rate * fixed_threshold_[i];
   const Friction& law = model_.friction_law(i);
   const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
-  return model_.amplitude()[i] * rate;
+  const double by_state = model_.amplitude()[i] * rate;
+  return normal.rate == 0 ? normal.N * by_state : normal.N * by_state + normal.rate * threshold_at(i, u[2]);
 }
+// At a part of the step under way.
+NormalLoad Stick::normal_at(double part) const { return model_.normal_load(begin_ + part * candidates_->dt); }
 
 Vec Stick::viscous_force(Vec u, std::size_t number) {
   if (!forces_[number]) forces_[number] = model_.create_vector();
@@ -81,8 +84,9 @@ void Stick::for_each_side(const Body& body) const {
   if (both_sides_) body(-1.);
 }
 
-void Stick::decide(Vec u) {
+void Stick::decide(Vec u, double t) {
   engage();
+  const NormalLoad normal = model_.normal_load(t);
   was_ = direction_;
   const Reading a(u);
   for (PetscInt i = 0; i < model_.local(); ++i) direction_[i] = sign_of(a[i * dof_]);
@@ -99,10 +103,10 @@ void Stick::decide(Vec u) {
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double& going = direction_[i];
     if (going == 0) {
-      const double *at = a + i * dof_, limit = threshold(i, at);
+      const double *at = a + i * dof_, limit = threshold(i, at, normal);
       for_each_side([&](double side) {
         const double excess = side * force[i] - limit;
-        if (begins(excess, limit, side * rate[i] - threshold_rate(i, at))) going = side;
+        if (begins(excess, limit, side * rate[i] - threshold_rate(i, at, normal))) going = side;
       });
       if (going != 0) ++counts[1];
     }
@@ -120,6 +124,7 @@ void Stick::renew_slope(Vec u) { model_.rhs(Part::full, u, slope_); }
 // Fills candidates_ with the changes between `before` and `after`, those of all ranks for the times.
 void Stick::find_candidates(Vec before, Vec after, double dt) {
   *candidates_ = {dt};
+  const NormalLoad normal0 = normal_at(0), normal1 = normal_at(1);
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
                         total_force(next_slope_, 3)};
   const Reading a(before), b(after), fa(slope_), fb(next_slope_);
@@ -131,8 +136,8 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
       candidates_->slides(i, direction_[i], at0[0], at1[0], fa[i * dof_], fb[i * dof_]);
       continue;
     }
-    const double limit0 = threshold(i, at0), limit1 = threshold(i, at1);
-    const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
+    const double limit0 = threshold(i, at0, normal0), limit1 = threshold(i, at1, normal1);
+    const double rate0 = threshold_rate(i, at0, normal0), rate1 = threshold_rate(i, at1, normal1);
     for_each_side([&](double side) {
       candidates_->rests(i, side, side * force0[i] - limit0, side * force1[i] - limit1,
                          side * force_rate0[i] - rate0, side * force_rate1[i] - rate1, limit1);
@@ -146,7 +151,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
 
 double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
   const double* at = u + c.node * dof_;
-  return c.rests ? c.beyond(force, threshold(c.node, at), part) : c.beyond(at[0], 0, part);
+  return c.rests ? c.beyond(force, threshold(c.node, at, normal_at(part)), part) : c.beyond(at[0], 0, part);
 }
 
 // The largest beyond() at u, over all candidates of all ranks.
@@ -160,10 +165,11 @@ double Stick::furthest(Vec u, double part) {
   return most;
 }
 
-Stick::Cut Stick::first_change(Vec before, Vec after, double dt,
+Stick::Cut Stick::first_change(Vec before, Vec after, double t, double dt,
                                const std::function<void(double part, Vec into)>& at, Vec landed,
                                bool slope_known) {
   engage();
+  begin_ = t;
   if (!slope_known) model_.rhs(Part::full, after, next_slope_);
   find_candidates(before, after, dt);
   Place place{Found::none, 1};
@@ -188,13 +194,14 @@ Stick::Cut Stick::first_change(Vec before, Vec after, double dt,
     std::swap(slope_, next_slope_);
     return {Cut::Kind::none, 1};
   }
-  snap(before, landed);
+  snap(before, landed, place.part);
   return {Cut::Kind::at, place.part};
 }
 
 // Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which
 // others may feel.
-void Stick::snap(Vec before, Vec landed) {
+void Stick::snap(Vec before, Vec landed, double part) {
+  const NormalLoad normal0 = normal_at(0), normal = normal_at(part);
   std::vector<Limit> limits;
   const Vec total = total_force(before, 0), total_landed = total_force(landed, 1);
   {
@@ -202,7 +209,9 @@ void Stick::snap(Vec before, Vec landed) {
     const Writing b(landed);
     const Forces was(a, total, dof_), force(b, total_landed, dof_);
     for (const Candidate& c : candidates_->list) {
-      if (beyond(c, b, force[c.node], 1) < -close) continue;
+      const double* const at = b + c.node * dof_;
+      const double limit = c.rests ? threshold(c.node, at, normal) : 0;
+      if (c.beyond(c.rests ? force[c.node] : at[0], limit, 1) < -close) continue;
       if (c.rests)
         limits.push_back({c.node, c.side});
       else
@@ -216,19 +225,19 @@ void Stick::snap(Vec before, Vec landed) {
         continue;
       }
       at[0] = 0;
-      const double limit = threshold(i, at);
+      const double limit = threshold(i, at, normal);
       for_each_side([&](double side) {
         const double excess = side * force[i] - limit;
-        if (arrives(excess, side * was[i] - threshold(i, at0), limit)) limits.push_back({i, side});
+        if (arrives(excess, side * was[i] - threshold(i, at0, normal0), limit)) limits.push_back({i, side});
       });
     }
   }
-  put_at_threshold(landed, limits);
+  put_at_threshold(landed, limits, normal);
 }
 
 // Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by
 // round-off.
-void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
+void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits, const NormalLoad& normal) {
   const Vec viscous = model_.viscous() ? viscous_force(u, 0) : nullptr;
   const Reading more(viscous);
   const Writing b(u);
@@ -237,7 +246,7 @@ void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
   };
   for (const auto& [node, side] : limits) {
     double* at = b + node * dof_;
-    const double limit = threshold(node, at), rest = more ? force(node) - at[1] : 0;
+    const double limit = threshold(node, at, normal), rest = more ? force(node) - at[1] : 0;
     at[1] = side * limit - rest;
     for (double step = 1e-16 * limit; side * force(node) < limit; step *= 2) at[1] += side * step;
   }
@@ -260,14 +269,18 @@ double Stick::release_after(Vec u, double t, double longest) {
   return first;
 }
 
-double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_time(); }
+double Stick::longest_rest(const Scene& scene) { return 16 * scene.smooth_time(); }
 
 // The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls
 // behind at first, and the other way round behind that.
 double Stick::release_under_load(Vec u, double t, double longest) {
   const Vec total = total_force(u, 0);
-  const Load& load = model_.scene().load;
-  const double travelled = load.integral(t), v = model_.plate_velocity(t);
+  const Scene& scene = model_.scene();
+  const Load& load = scene.load;
+  const double v = model_.plate_velocity(t), travelled = load.varies() ? load.integral(t) : 0;
+  const auto way = [&](double wait) {
+    return load.varies() ? load.integral(t + wait) - travelled : v * wait;
+  };
   const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_);  // at rest what neighbours add stands
   double first = infinity;
@@ -282,16 +295,15 @@ double Stick::release_under_load(Vec u, double t, double longest) {
       };
       const auto excess = [&](double wait) {
         age(wait);
-        const double eta =
-            forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
-        return side * eta - threshold(i, then.data());
+        const double eta = forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * way(wait);
+        return side * eta - threshold(i, then.data(), model_.normal_load(t + wait));
       };
       const auto growth = [&](double wait) {
         age(wait);
         const double rate = f[i * dof_ + 1] + K0 * (model_.plate_velocity(t + wait) - v);
-        return side * rate - threshold_rate(i, then.data());
+        return side * rate - threshold_rate(i, then.data(), model_.normal_load(t + wait));
       };
-      double piece = std::min(longest, load.smooth_time() / 16);
+      double piece = std::min(longest, scene.smooth_time() / 16);
       if (dof_ == 3) piece = std::min(piece, law.time_at_rest(at[2]) / 4);
       double begin = 0;
       while (begin < std::min(longest, first)) {
@@ -312,7 +324,7 @@ double Stick::release_under_load(Vec u, double t, double longest) {
           return;
         }
         begin = end;
-        if (!std::isfinite(load.smooth_time())) piece *= 2;
+        if (!std::isfinite(scene.smooth_time())) piece *= 2;
       }
     });
   }
@@ -322,7 +334,8 @@ double Stick::release_under_load(Vec u, double t, double longest) {
 
 void Stick::rest(Vec u, double t, double wait, Vec into) {
   const Load& load = model_.scene().load;
-  const bool loaded = loaded_;
+  const bool loaded = loaded_ && load.varies();
+  const NormalLoad normal = model_.normal_load(t + wait);
   const double v = model_.plate_velocity(t);
   const auto K0 = [&](PetscInt i) { return loaded ? model_.coefficients(i).K0 : 0; };
   const double way = loaded ? load.integral(t + wait) - load.integral(t) - v * wait : 0;
@@ -344,15 +357,15 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
     const Reading f(slope_), b(into);
     const Forces force(b, total, dof_), rate(f, total_rate, dof_);
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
-      const double limit = threshold(i, b + i * dof_), faster = K0(i) * gain;
+      const double limit = threshold(i, b + i * dof_, normal), faster = K0(i) * gain;
       for_each_side([&](double side) {
         if (std::abs(side * force[i] - limit) <= close * limit &&
-            side * (rate[i] + faster) > threshold_rate(i, b + i * dof_))
+            side * (rate[i] + faster) > threshold_rate(i, b + i * dof_, normal))
           limits.push_back({i, side});
       });
     }
   }
-  put_at_threshold(into, limits);
+  put_at_threshold(into, limits, normal);
 }
 
 }  // namespace stickslip

@@ -33,7 +33,7 @@ void StickSteps::decide(Vec u, double t) {
     decide_with_plate(u, t);
   } else {
     model_.set_time(t);
-    stick_.decide(u);
+    stick_.decide(u, t);
   }
   if (fused_) fused_->set_direction(stick_.direction());
 }
@@ -43,10 +43,10 @@ void StickSteps::decide(Vec u, double t) {
 void StickSteps::decide_with_plate(Vec u, double t) {
   Plate& plate = *advance_.plate;
   plate.set(model_, t, plate.at(t), false);
-  stick_.decide(u);
+  stick_.decide(u, t);
   if (!stick_.all_rest()) return;
   plate.set(model_, t, plate.time, true);
-  stick_.decide(u);
+  stick_.decide(u, t);
   if (stick_.all_rest()) return;
   plate.set(model_, t, plate.time, false);
   stick_.renew_slope(u);
@@ -59,7 +59,7 @@ void StickSteps::after(Step step, Vec before) {
   const auto at = [&](double part, Vec into) { inside(t_before + part * dt, into); };
   model_.set_time(step.t);
   const Stick::Cut cut =
-      stick_.first_change(before, u, dt, at, landed_, fused_ && fused_->last_is_solution());
+      stick_.first_change(before, u, t_before, dt, at, landed_, fused_ && fused_->last_is_solution());
   if (cut.kind == Stick::Cut::Kind::too_coarse) return take_back(step, before, dt);
   if (cut.kind == Stick::Cut::Kind::none) {
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);

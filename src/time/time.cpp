@@ -193,6 +193,7 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   SS_TRY(TSRestartStep(ts));
   SS_TRY(TSSetSolution(ts, u));
   advance.update_report(ts, model);
+  if (checkpoint) pass_corner(u, t);
   model.begin_load(t);
   if (!checkpoint) advance.plate->set(model, t, t, true);
   if (!checkpoint) advance.tell(ts, step_now());
@@ -200,15 +201,20 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   guard.start();
 }
 
-// From one corner of the load to the next.
+// At a corner of the loads steps end, and checkpoints hold what was before it.
+void Integrator::Impl::pass_corner(Vec u, double t) const {
+  model.begin_load(std::nextafter(t, -1.));
+  model.pass_corner(u, t);
+}
+
+// From one corner of the loads to the next.
 TSConvergedReason Integrator::Impl::solve(Vec u) {
-  const Load& load = model.scene().load;
-  if (!load.varies()) return solve_piece(u);
+  if (!model.scene().forced()) return solve_piece(u);
   for (;;) {
     double t, dt;
     SS_TRY(TSGetTime(ts, &t));
     SS_TRY(TSGetTimeStep(ts, &dt));
-    advance.t_end = std::min(advance.run_end, load.next_corner(t));
+    advance.t_end = std::min(advance.run_end, model.scene().next_corner(t));
     model.begin_load(t);
     SS_TRY(TSSetMaxTime(ts, advance.t_end));
     SS_TRY(TSSetTimeStep(ts, std::min(dt, advance.t_end - t)));
@@ -216,6 +222,7 @@ TSConvergedReason Integrator::Impl::solve(Vec u) {
     advance.update_report(ts, model);
     if (reason < 0 || advance.stop_asked || advance.report.t >= advance.run_end || reason == TS_CONVERGED_ITS)
       return reason;
+    pass_corner(u, advance.report.t);
     SS_TRY(TSSetTimeStep(ts, adaptive ? advance.next_dt : fixed_dt));
     SS_TRY(TSRestartStep(ts));
   }
@@ -239,7 +246,7 @@ TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
   if (stick) {
     double dt = 0;
     if (!adaptive) SS_TRY(TSGetTimeStep(ts, &dt));
-    if (!adaptive && model.scene().load.varies()) dt = fixed_dt;
+    if (!adaptive && model.scene().forced()) dt = fixed_dt;
     stick->start(u, dt);
     SS_TRY(TSGetConvergedReason(ts, &reason));
   }

@@ -103,6 +103,7 @@ FILES = {
     "run": ["-model_form chain -grid_n 8 -ts_max_time 2 -friction_law carlson-langer -state_law healing -bc_left free -init_noise "
             "0.3 -init_state 1 -out_probes 1,2 -out_events -out_rupture -out_displacement -lyapunov_count 2 -friction_amplitude_profile 0:1,7:2 "
             "-friction_alpha_profile 0:0.5,7:0.6 -out_checkpoint_every 5", "-grid_n 8 -ts_max_time 1 -load_v 0:0.2,1:0.3",
+            "-grid_n 8 -ts_max_time 1 -load_normal 0:1,1:1.3",
             "-model_form chain -grid_n 4 -bc_left free -friction_law coulomb -init_psi 0 -model_v 0.1 -ts_max_time 5 -load_halt "
             "-out_events"],
     "spectrum": ["-grid_n 8 -model_v 1.1 -friction_law rate-and-state -state_law ageing -spectrum_pseudo 3"],

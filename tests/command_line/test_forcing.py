@@ -1,4 +1,4 @@
-"""Periodic forcing: cycles under a sine of the plate's velocity against SciPy's monodromy matrices, closed forms of
+"""Periodic forcing: cycles under sines of the plate's velocity, of a force and of the normal load against SciPy's monodromy matrices, closed forms of
 the linear response, `run` from period to period; where sliding under it loses stability; what is refused."""
 import numpy as np
 import pytest
@@ -28,10 +28,17 @@ def random_blocks(number):
               "-init_eta 0.5 ",
               f"-model_v {r.uniform(1.2, 1.6):.4f} -friction_law stribeck -friction_stick regularised -friction_eps 0.2 -friction_viscous 0.6 "
               "-init_psi 1.3 -init_eta 1 "][number % 3]
-    return scene + f"-load_sine_amplitude {r.uniform(0.1, 0.4):.4f} -load_sine_period {period:.6f} "
+    plate = f"-load_sine_amplitude {r.uniform(0.1, 0.4):.4f} -load_sine_period {period:.6f} "
+    force = f"-load_force_sine_amplitude {r.uniform(0.05, 0.2):.4f} -load_force_sine_period "
+    normal = f"-load_normal_sine_amplitude {r.uniform(0.05, 0.2):.4f} -load_normal_sine_period "
+    if number % 3 == 1 and number > 3:
+        normal = f"-state_law {('ageing', 'slip')[number % 2]} -state_linker_dieterich {r.uniform(0.05, 0.2):.4f} " + normal
+    one = f"{period:.6f}"
+    return scene + [plate, force + one, normal + one, plate + normal + repr(1.5 * float(one)),
+                    plate + normal + repr(0.5 * float(one)) + " " + force + one][number // 3]
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(15))
 def test_multipliers_of_random_blocks(tmp_path, monkeypatch, number):
     monkeypatch.chdir(tmp_path)
     scene = random_blocks(number)
@@ -41,18 +48,22 @@ def test_multipliers_of_random_blocks(tmp_path, monkeypatch, number):
     assert np.abs(end - start).max() < 1e-8
     near(multipliers(found), np.linalg.eigvals(matrix), 1e-6)
     assert found["multiplier_error"] is None
-    assert abs(found["period"] - found["forcing_periods"] * options(scene)["load_sine_period"]) < 1e-9
+    periods = [value for name, value in options(scene).items() if name.endswith("sine_period")]
+    both = 3 * periods[0] if number // 3 == 3 else max(periods)
+    assert abs(found["period"] - found["forcing_periods"] * both) < 1e-9
     assert found["stable"] == (np.abs(np.linalg.eigvals(matrix)).max() < 1)
 
 
-def test_the_linear_response(tmp_path, monkeypatch):
-    """Of a small sine: (A K0 - w^2 + i w A (B + F')) psi = A K0 a; what is left is of the second order."""
+@pytest.mark.parametrize("of", ("load_sine", "load_force_sine", "load_normal_sine"))
+def test_the_linear_response(tmp_path, monkeypatch, of):
+    """Of a small sine: (A K0 - w^2 + i w A (B + F')) psi = A K0 a, or i w A p, or -i w A F a; what is left is of the second order."""
     monkeypatch.chdir(tmp_path)
     k0, zeta, v, period, small = 0.4, 0.3, 1.3, 5.0, 1e-4
     found, start = cycle(f"{CHAIN}-grid_n 1 -bc_left free -model_k0 {k0} -model_zeta {zeta} -model_v {v} -init_psi 1.3 -init_eta 0 "
-                         f"-load_sine_amplitude {small} -load_sine_period {period}")
+                         f"-{of}_amplitude {small} -{of}_period {period}")
     w = 2 * np.pi / period
-    answer = k0 * small / (k0 - w**2 + 1j * w * (zeta + v**2 - 1))  # of exp(i w t), whose imaginary part is the sine
+    drive = {"load_sine": k0, "load_force_sine": 1j * w, "load_normal_sine": -1j * w * (v**3 / 3 - v)}[of]
+    answer = drive * small / (k0 - w**2 + 1j * w * (zeta + v**2 - 1))  # of exp(i w t), whose imaginary part is the sine
     assert abs(found["amplitude"] - abs(answer)) < 1e-3 * small
     assert abs(start[0] - v - answer.imag) < 1e-3 * small and found["forcing_periods"] == 1
     # both multipliers, without one that is 1: exp(lambda T) of the linear equation
@@ -67,7 +78,11 @@ STICKS = (f"{CHAIN}-cycle_cell 0 -bc_left free -model_k0 1 -model_zeta 0.1 -mode
 @pytest.mark.parametrize("more", ("-grid_n 1 -load_sine_amplitude 0.08 -load_sine_period 7",
                                   "-grid_n 1 -load_sine_amplitude 0.08 -load_sine_period 7 -friction_alpha 3",
                                   "-grid_n 2 -load_sine_amplitude 0.1 -load_sine_period 5 -model_k1 0.3 -init_noise 0.1 "
-                                  "-friction_amplitude_profile 0:1,1:1.2"))
+                                  "-friction_amplitude_profile 0:1,1:1.2",
+                                  "-grid_n 1 -load_normal_sine_amplitude 0.15 -load_normal_sine_period 7",
+                                  "-grid_n 1 -load_force_sine_amplitude 0.1 -load_force_sine_period 7",
+                                  "-grid_n 2 -load_normal_sine_amplitude 0.1 -load_normal_sine_period 6 -load_force_sine_amplitude 0.15 "
+                                  "-load_force_sine_period 6 -model_k1 0.3 -init_noise 0.1 -friction_amplitude_profile 0:1,1:1.2"))
 def test_a_cycle_that_rests(tmp_path, monkeypatch, more):
     """Against SciPy from change to change, with the deviations' jumps, and against the stroboscope of `run`."""
     monkeypatch.chdir(tmp_path)
@@ -165,6 +180,28 @@ def test_a_slide_that_stops(tmp_path, monkeypatch):
     assert abs(branch["special"][-1]["value"] - exact) < 1e-5
 
 
+def test_where_a_slide_under_a_normal_load_ends(tmp_path, monkeypatch):
+    """SciPy's matrix of the slide has a multiplier on the unit circle at the point that `boundary` finds."""
+    monkeypatch.chdir(tmp_path)
+    scene = (f"{CHAIN}-grid_n 1 -bc_left free -model_k0 0.2 -model_zeta 0.1 -model_v 0.9 -load_normal_sine_amplitude 0.3 "
+             "-load_normal_sine_period 3 ")
+    found, _ = run(scene + "-boundary_parameter model_v -boundary_from 0.8 -boundary_to 1.2", command="boundary")
+    assert found["points"], found
+    for point in found["points"]:
+        _, matrix = slide(System(scene + f"-model_v {point['value']!r}"), 3)
+        assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-6
+
+
+def test_exponents_under_a_normal_load(tmp_path, monkeypatch):
+    """On a cycle with rests they are the logarithms of the moduli of its multipliers over its period."""
+    monkeypatch.chdir(tmp_path)
+    scene = STICKS + "-grid_n 1 -load_normal_sine_amplitude 0.15 -load_normal_sine_period 7 "
+    found, _ = cycle(scene)
+    run_of, _ = run(f"{scene} {TIGHT} -ts_max_time {60 * found['period']!r} -lyapunov_count 1 -lyapunov_from {20 * found['period']!r}")
+    exact = np.log(np.abs(multipliers(found)).max()) / found["period"]
+    assert abs(run_of["lyapunov"][0]["value"] - exact) < 1e-3 * abs(exact) + 1e-9, (run_of["lyapunov"], exact)
+
+
 def test_refusals():
     sine = "-load_sine_amplitude 0.1 -load_sine_period 3 "
     axis = "-boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 "
@@ -172,8 +209,15 @@ def test_refusals():
         refused(axis + "-load_v 0:0.1,5:0.2", 2, "load_v", command, command=command)
         refused(axis + "-load_sine_amplitude 0.1", 2, "load_sine_period", command=command)
         refused(axis + sine + "-model_form chain -model_k0 0", 2, "model_k0", command=command)
+        refused(axis + "-load_normal 0:1,5:2", 2, "load_normal", command, command=command)
+        refused(axis + sine + "-load_normal_sine_amplitude 0.1 -load_normal_sine_period 3.1415926", 2, "load_normal_sine_period",
+                "3.1415926", "whole", command=command)
+        refused(axis + "-load_normal_sine_amplitude 1 -load_normal_sine_period 3", 2, "load_normal_sine_amplitude", "> 0", command=command)
     for command in ("spectrum", "wave", "chart"):
         refused("-wave_length 60 " + sine, 2, "load_sine_amplitude", command, command=command)
+    force = "-load_force_sine_amplitude 0.1 -load_force_sine_period 3 -model_form chain "
+    refused(force + "-model_k0 0", 2, "load_force_sine_amplitude", "model_k0")
+    refused(force + "-grid_n 4 -bc_left free -model_k0_profile 0:1,3:2", 2, "load_force_sine_amplitude", "model_k0_profile")
     refused(axis + sine + "-boundary_of stick-slip", 2, "boundary_of", command="boundary")
     refused(axis + sine + "-boundary_verify 1", 2, "boundary_verify", command="boundary")
     refused(axis + sine + "-friction_amplitude_profile 0:1,30:2", 2, "unknowns", command="boundary")

@@ -22,6 +22,11 @@
 
 namespace stickslip {
 
+// N(t), by which friction and its threshold are multiplied, and its rate.
+struct NormalLoad {
+  double N = 1, rate = 0;
+};
+
 class Model {
  public:
   // Sets up the grid over `comm`. Collective. Throws UsageError where there are more ranks than nodes.
@@ -47,12 +52,17 @@ class Model {
   void set_direction(const double* direction) const;
   const double* direction() const;  // as it was given; not collective
 
-  // With a load v(t) (load.hpp), which rhs() takes at the time said last: at t, in the piece of the load that
-  // begin_load() has said, the one that begins at its t or holds it. Without a load they do nothing. Not
-  // collective.
+  // With loads v(t), N(t) (load.hpp), which rhs() takes at the time said last: at t, in the piece of the load
+  // that begin_load() has said, the one that begins at its t or holds it. Friction and its slopes, below, are
+  // those of that time too. Without a load they do nothing. Not collective.
   void begin_load(double t) const;
   void set_time(double t) const;
-  double plate_velocity(double t) const;  // v, or v(t) in that piece
+  double time() const;                        // said last
+  double plate_velocity(double t) const;      // v, or v(t) in that piece
+  double plate_acceleration(double t) const;  // dv/dt there
+  NormalLoad normal_load(double t) const;     // likewise
+  // What a step of the normal load at t, where one piece ends and another begins, does to the state.
+  void pass_corner(Vec u, double t) const;
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space. Of a
   // massless chain (src/model/massless.hpp) Part::full alone: eta and the state have rates, psi has the rate
@@ -89,7 +99,7 @@ class Model {
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
   void set_held(Vec u) const;
 
-  // The amplitude a_i of friction at this rank's nodes (all 1 without spread and profile).
+  // The amplitude a_i of friction at this rank's nodes (all 1 without spread and profile), without N(t).
   const std::vector<double>& amplitude() const;
 
   // The coefficients of a node of this rank, which are those of the scene where they do not differ along x;

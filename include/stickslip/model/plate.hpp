@@ -19,7 +19,7 @@ namespace stickslip {
 
 inline constexpr double before_all_times = -1;  // where the load of a plate that halts has its corner
 
-inline Load halting_load(double v) { return {v, {{before_all_times, 0.}, {before_all_times, v}}, 0, 1}; }
+inline Load halting_load(double v) { return {v, {{before_all_times, 0.}, {before_all_times, v}}}; }
 inline bool halts(const Scene& scene) {
   return scene.load.next_corner(-std::numeric_limits<double>::infinity()) < 0;
 }

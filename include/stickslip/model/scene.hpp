@@ -16,6 +16,7 @@
 
 #include <petscsys.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -49,7 +50,10 @@ struct Scene {
   int order = 4;       // chain: 2
   End left = End::periodic, right = End::periodic;
   double left_value = 0, right_value = 0;  // psi_e of a held end
-  Load load;                               // v(t), where v is not constant: `run` alone knows it
+  Load load;                               // v(t), where v is not constant
+  Sine force{0, 1};                        // p sin(2 pi t/T) on every node, which `load` has too: see push()
+  Load normal;                             // N(t), where it is not 1: friction is N(t) F
+  double linker_dieterich = 0;             // alpha: theta_t gains -alpha theta N_t/(b N)
   PetscInt copies = 1;                     // equal cells that this one stands for (reduce.hpp)
   // What of m, k0, k1, zeta, c, delta differs along x; these hold its mean over the nodes then.
   Medium medium;
@@ -83,6 +87,24 @@ struct Scene {
   // line the link is that of the end, as even reflection has it.
   NodeCoefficients coefficients(PetscInt i) const;
   double link(PetscInt i) const;
+  // The equations depend on time, with the corners of both loads, and with sines that have no more than one
+  // extremum in smooth_time().
+  bool forced() const { return load.varies() || normal.varies(); }
+  double next_corner(double t) const { return std::min(load.next_corner(t), normal.next_corner(t)); }
+  double smooth_time() const { return std::min(load.smooth_time(), normal.smooth_time()); }
+  // The shortest time in which all sines repeat; 0 where there is none, or all have the amplitude 0. Whether
+  // there is one.
+  double forcing_period() const;
+  bool commensurate() const;
+  // How far the plate has come, and the harmonic force. This force is in `load` the velocity, over K0, of a
+  // plate that exerts it, so that eta everywhere in the program is the force of springs and plate and the
+  // harmonic one together; results give eta without it.
+  double way(double t) const { return load.varies() ? load.integral(t) : v * t; }
+  double push(double t) const { return force.amplitude == 0 ? 0 : force.at(t); }
+  double push_velocity(double t) const;  // of that plate
+  // N(t) in the piece that begins at t; how much the state, ln theta, of a node falls with ln N: alpha/b.
+  double normal_load(double t) const { return normal.varies() ? normal(t) : 1; }
+  double state_response(PetscInt i) const;
   // m = 0: A is infinite, eta = B psi + F(psi, state) holds at every moment, and psi is no unknown.
   bool massless() const { return form == Form::chain && m == 0; }
   bool ring() const { return left == End::periodic; }

@@ -1,6 +1,6 @@
 // Periodic solutions of smooth systems y' = f(y; lambda) as a boundary-value problem: collocation at five
 // Gauss points an interval, Newton's method, Floquet multipliers. A system may depend on the phase too
-// (forcing), with a period that is known and a Jacobian that does not.
+// (forcing), with a period that is known.
 //
 // In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, one number q
 // (ln T, unless the system says otherwise) and, on a branch, the parameter lambda:
@@ -36,10 +36,14 @@ class VectorField {
     rates(y, f);
   }
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
+  virtual void jacobian_at(double phase, const double* y, double* J) const {
+    static_cast<void>(phase);
+    jacobian(y, J);
+  }
   // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given,
   // about.
-  virtual void safeguard_step(const double* y, double h, double* dy) const {
-    static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
+  virtual void safeguard_step(double phase, const double* y, double h, double* dy) const {
+    static_cast<void>(phase), static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
   }
 
   // What else a system may say. Where its rates depend on q: itself at that q, to which all below belongs.

@@ -4,6 +4,7 @@
 // of eta. Interpolated are therefore eta - a F and F, which the medium reaches only through the waves that it
 // gives off:
 //     eta(x) = sum_i w_i [eta_i + (a(x) - a_i) F_i]
+// and under a normal load N(t) a is N times that.
 // Where the law itself differs along x, a(x) F(x; psi_i, state_i) - a_i F_i in the place of (a(x) - a_i) F_i.
 // A state whose own law has corners has them too: no interpolation reaches over the corners of a profile.
 #pragma once
@@ -58,7 +59,7 @@ class Probes {
   struct Values {
     std::vector<double> psi, eta;  // in the order of x
   };
-  // On every rank. Collective.
+  // On every rank; loads are those of the time said last to the model. Collective.
   const Values& read(Vec u);
   // From node(i, unknowns), of one rank.
   const Values& read(const std::function<void(PetscInt, double*)>& node);
@@ -71,6 +72,7 @@ class Probes {
   };
   std::shared_ptr<const Friction> friction_;  // where it is the same everywhere
   std::optional<FrictionAt> here_, own_;      // at the points and at the nodes, where it is not
+  const Model& model_;
   int dof_;
   std::vector<std::vector<Part>> rows_;
   const Values& values_of(const double* nodes);

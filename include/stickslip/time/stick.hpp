@@ -56,15 +56,15 @@ class Stick {
 
   void engage() const { model_.set_direction(direction_.data()); }
   // Sets the directions from u. Costs one or two evaluations of the right-hand side.
-  void decide(Vec u);
+  void decide(Vec u, double t);
   // The right-hand side at u is another than decide() has seen, because the plate has halted.
   void renew_slope(Vec u);
   bool all_rest() const { return all_rest_; }
   const std::vector<double>& direction() const { return direction_; }  // of this rank's nodes; not collective
   long changes() const { return changes_; }  // of a node from rest to sliding or back, so far; over all ranks
 
-  // The first change within a step of length dt from `before`, where decide() or the last call left off, to
-  // `after`.
+  // The first change within a step of length dt from t and `before`, where decide() or the last call left
+  // off, to `after`.
   struct Cut {
     enum class Kind { none, at, too_coarse } kind;
     double part;  // of the step that is left when it is cut there, in (0, 1]
@@ -72,8 +72,9 @@ class Stick {
   // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
   // `slope_known`: the method has left the right-hand side at `after` in slope_at_end(). too_coarse: a node
   // that began to slip runs backwards at once, which no exact solution does: repeat with a shorter step.
-  Cut first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
-                   Vec landed, bool slope_known = false);
+  Cut first_change(Vec before, Vec after, double t, double dt,
+                   const std::function<void(double part, Vec into)>& at, Vec landed,
+                   bool slope_known = false);
   Vec slope_at_end() const { return next_slope_; }
 
   // While every node rests, from u at t on: time until the first begins to slip (infinite: never; with a
@@ -84,22 +85,23 @@ class Stick {
   static double longest_rest(const Scene& scene);
 
  private:
-  double threshold(PetscInt i, const double* u) const;
+  double threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
   double threshold_at(PetscInt i, double state) const;
-  double threshold_rate(PetscInt i, const double* u) const;
+  double threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const;
   double release_under_load(Vec u, double t, double longest);
   double beyond(const stick_rule::Candidate& c, const double* u, double force, double part) const;
+  NormalLoad normal_at(double part) const;
   template <class Body>
   void for_each_side(const Body& body) const;
   void find_candidates(Vec before, Vec after, double dt);
   double furthest(Vec u, double part);
-  void snap(Vec before, Vec landed);
+  void snap(Vec before, Vec landed, double part);
   // A node at its threshold on that side.
   struct Limit {
     PetscInt node;
     double side;
   };
-  void put_at_threshold(Vec u, const std::vector<Limit>& limits);
+  void put_at_threshold(Vec u, const std::vector<Limit>& limits, const NormalLoad& normal);
   // Of a viscous scene, in a Vec of this object, the one numbered so: N D2 psi of u in the place of eta.
   Vec viscous_force(Vec u, std::size_t number);
   // Likewise eta + N D2 psi, the force; nullptr where neighbours have no viscosity, and eta of u is the
@@ -107,17 +109,18 @@ class Stick {
   Vec total_force(Vec u, std::size_t number);
 
   const Model& model_;
-  bool loaded_;  // at rest the plate's velocity varies
+  bool loaded_;  // at rest the plate's velocity or the normal load varies
   int dof_;
   PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
   bool both_sides_;
   std::vector<double> direction_, was_;
-  std::vector<double> fixed_threshold_;  // without a state
+  std::vector<double> fixed_threshold_;  // without a state, of the normal load 1
   bool all_rest_ = false;
   long changes_ = 0;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
   std::array<VecHandle, 4> forces_;
   std::unique_ptr<stick_rule::Candidates> candidates_;  // of the step under way
+  double begin_ = 0;                                    // of that step
 };
 
 }  // namespace stickslip
