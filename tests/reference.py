@@ -49,7 +49,9 @@ def options(words):
     for name in [name for name in p if name.endswith("_profile")]:
         x, values = np.array([pair.split(":") for pair in p.pop(name).split(",")], float).T
         name = name.removesuffix("_profile")
-        p[name] = np.interp(np.arange(p["grid_n"]) + (0.5 if name == "model_k1" else 0), x, values)
+        of_springs = name == "model_k1"
+        ring = not {"bc_left", "bc_right"} & p.keys() or p.get("bc_left") == "periodic"
+        p[name] = np.interp(np.arange(p["grid_n"] - (of_springs and not ring)) + 0.5 * of_springs, x, values)
     return p
 
 

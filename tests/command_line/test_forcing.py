@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calls import check, data, refused, run
-from reference import Stick, System, multipliers, near, options, read
+from reference import Stick, System, multipliers, near, options, read, words
 
 CHAIN = "-model_form chain "
 TIGHT = "-ts_rtol 1e-11 -ts_atol 1e-12 "
@@ -52,6 +52,25 @@ def test_multipliers_of_random_blocks(tmp_path, monkeypatch, number):
     both = 3 * periods[0] if number // 3 == 3 else max(periods)
     assert abs(found["period"] - found["forcing_periods"] * both) < 1e-9
     assert found["stable"] == (np.abs(np.linalg.eigvals(matrix)).max() < 1)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_multipliers_of_unequal_blocks(tmp_path, monkeypatch, number):
+    """Masses, springs and dampers that differ, under sines of the plate and of the normal load."""
+    monkeypatch.chdir(tmp_path)
+    r = np.random.default_rng([41, number])
+    n, period = number + 2, r.uniform(3, 6)
+    drawn = {"model_m": r.uniform(0.5, 2, n), "model_k0": r.uniform(0.2, 0.8, n), "model_k1": r.uniform(0.1, 0.8, n - 1),
+             "model_zeta": r.uniform(0.02, 0.2, n)}
+    scene = f"{CHAIN}-cycle_cell 0 -grid_n {n} -bc_left free " + " ".join(words(drawn)) + " "
+    scene += [f"-model_v 1.4 -init_psi 1.4 -init_eta 0 -load_sine_amplitude 0.3 -load_sine_period {period!r} ",
+              f"-model_v 0.6 -friction_law rate-and-state -friction_a 0.3 -friction_b 0.2 -friction_D 0.5 -init_psi 0.5 -init_eta 0.5 "
+              f"-load_sine_amplitude 0.2 -load_sine_period {period!r} ",
+              f"-model_v 1.3 -init_psi 1.3 -init_eta 0 -load_normal_sine_amplitude 0.2 -load_normal_sine_period {period!r} "][number]
+    found, start = cycle(scene)
+    end, matrix = System(scene).carried(start, found["period"], rtol=1e-12, atol=1e-13)
+    assert np.abs(end - start).max() < 1e-8
+    near(multipliers(found), np.linalg.eigvals(matrix), 1e-6)
 
 
 @pytest.mark.parametrize("of", ("load_sine", "load_force_sine", "load_normal_sine"))
@@ -181,15 +200,24 @@ def test_a_slide_that_stops(tmp_path, monkeypatch):
 
 
 def test_where_a_slide_under_a_normal_load_ends(tmp_path, monkeypatch):
-    """SciPy's matrix of the slide has a multiplier on the unit circle at the point that `boundary` finds."""
+    """SciPy's matrix of the slide has a multiplier on the unit circle at the point that `boundary` finds: of a block, and of a ring, where a
+    wave of half the load's frequency resonates."""
     monkeypatch.chdir(tmp_path)
-    scene = (f"{CHAIN}-grid_n 1 -bc_left free -model_k0 0.2 -model_zeta 0.1 -model_v 0.9 -load_normal_sine_amplitude 0.3 "
-             "-load_normal_sine_period 3 ")
-    found, _ = run(scene + "-boundary_parameter model_v -boundary_from 0.8 -boundary_to 1.2", command="boundary")
-    assert found["points"], found
+    block = f"{CHAIN}-model_k0 0.2 -model_zeta 0.1 -load_normal_sine_period 3.755 -load_normal_sine_amplitude "
+    alone = "-grid_n 1 -bc_left free "
+    found, _ = run(block + "0.3 " + alone + "-boundary_parameter model_v -boundary_from 0.8 -boundary_to 1.2", command="boundary")
+    assert found["points"]
     for point in found["points"]:
-        _, matrix = slide(System(scene + f"-model_v {point['value']!r}"), 3)
+        _, matrix = slide(System(block + f"0.3 {alone}-model_v {point['value']!r}"), 3.755)
         assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-6
+    ring = "-grid_n 6 -model_k1 0.5 -model_v 1 "
+    found, _ = run(block + "0.1 " + ring + "-boundary_parameter load_normal_sine_amplitude -boundary_from 0 -boundary_to 0.9",
+                   command="boundary")
+    assert found["points"] and found["points"][0]["wavenumber"] > 0
+    value = found["points"][0]["value"]
+    u, _ = slide(System(block + f"{value!r} {alone}-model_v 1"), 3.755)
+    _, matrix = System(block + f"{value!r} {ring}").carried(np.repeat(u, 6), 3.755)
+    assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-6
 
 
 def test_exponents_under_a_normal_load(tmp_path, monkeypatch):

@@ -71,6 +71,18 @@ def test_random_chains_under_all_loads(number):
     check(abs(system.K0 * chi - system.K1 * system.D @ chi - system.K0 * system.plate.way(6) + exact[n:2 * n]).max() < 1e-6, "chi")
 
 
+@pytest.mark.parametrize("text", ["", "-bc_left free -friction_law rate-and-state -friction_a 0.3 -friction_b 0.5 -friction_D 0.4 "
+                                      "-state_linker_dieterich 0.2 -model_nu 0.05",
+                                  "-bc_left velocity -bc_left_value 0.5 -bc_right free"])
+def test_a_continuum_under_all_loads(text):
+    """With damping, viscosity and a held end, at the nodes that are not held."""
+    scene = (f"-grid_n 12 -grid_length 12 {text} {NORMAL} -load_force_sine_amplitude 0.1 -load_force_sine_period 2 -load_v 0:0.2,1:0.4 ")
+    run(f"{scene} -init_psi 0.4 -init_eta 0.2 -init_type sine -scene_reduce off {STRICT} -ts_max_time 2.2 -out_frames 2 -out_file run.h5")
+    found, system = data("run.h5"), System(scene)
+    exact = system.follow(read(found, 0), 0, 2.2)
+    check(abs(read(found, -1) - exact)[system.unknowns()].max() < 1e-8, "the last frame")
+
+
 def test_energy_under_a_force():
     """What plate and force give is what friction takes and the blocks keep."""
     run("-model_form chain -bc_left free -grid_n 3 -model_k1 0.4 -model_v 0.3 -init_noise 0.2 -load_force_sine_amplitude 0.3 "
