@@ -184,7 +184,7 @@ Energy Displacement::energy(Vec u, double t) const {
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
     sums[0] += weight * psi * psi / (2 * c.A);
     sums[1] -= weight * (w[i] + shift) * (floats_ ? z + eta_at_start_[std::size_t(i)] : z) / 2;
-    sums[2] += floats_ ? 0 : weight * (v * z + push * psi);
+    sums[2] += floats_ ? 0 : weight * v * z + weight * push * psi;
     sums[3] += weight * psi * F;
     sums[4] += weight * (c.B + damping(i)) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];
