@@ -150,7 +150,6 @@ def load(seed, number, words):
     return chosen
 
 
-BY_SECONDS = ("stiff-friction", 1e-8)  # where seconds decide between implicit and explicit: another choice in each run
 CHARTS = ("smooth", "train", "uniform", "slow-driving", "stiff-coupling", "stiff-friction")
 
 
@@ -180,8 +179,6 @@ def table_of_choices(accuracies):
     print("| scene | wanted | chosen | error/wanted | estimate/error |\n|---|---|---|---|---|")
     failures = 0
     for name, path, accuracy in with_accuracies(accuracies):
-        if (name, accuracy) == BY_SECONDS:
-            continue
         made, error = measure([path], accuracy)
         if error is None:
             print(f"| {name} | {accuracy:.0e} | {made['reason']} |||", flush=True)

@@ -450,7 +450,7 @@ double GridLadder::estimate_in_space(const Level& now, double d) const {
 }
 
 double GridLadder::estimate(const Answer& end) {
-  last_run_ = {on_grid(request_.scene, setting_.n, setting_.order), setting_.tolerance, end, 0, 0};
+  last_run_ = {on_grid(request_.scene, setting_.n, setting_.order), setting_.tolerance, end, 0, 0, 0};
   const bool elsewhere = setting_.n != levels_.back().scene.n;
   const double d = difference_of_run(elsewhere ? predicted_error(cells_of(levels_.back().scene)) : 0);
   last_estimate_ = estimate_in_space(last_run_, d) + 1.5 * in_time_ + between_nodes(last_run_);

@@ -71,6 +71,8 @@ PetscInt mesh_divisor_of(const Options& options, const Scene& scene, const std::
   return std::max(jumps, cells_between_corners(corners, scene, 2, most));
 }
 
+MethodSpec explicit_method() { return MethodSpec::parse("accuracy", "rk:7vr"); }
+
 // The method that the user set. Throws UsageError where it gives no error estimate.
 MethodSpec method_set(const Options& options) {
   const std::string type = options.text("ts_type"), sub = subtype_option(type);
@@ -125,7 +127,7 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
 
 Setting AccuracyRequest::setting() const {
   Setting s;
-  s.method = method_open ? MethodSpec::parse("accuracy", "rk:7vr") : method_set(options);
+  s.method = method_open ? explicit_method() : method_set(options);
   if (!tolerance_open)
     s.tolerance = std::min(options.is_set("ts_rtol") ? options.real("ts_rtol") : 1.,
                            options.is_set("ts_atol") ? options.real("ts_atol") : 1.);
@@ -168,7 +170,8 @@ Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
   failed = trial.failed;
   spent_ += most[0];
   Answer answer{std::move(trial.end), std::move(trial.measured)};
-  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), trial.steps, most[0]};
+  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), trial.steps,
+          trial.steps + trial.rejections,      most[0]};
 }
 
 Trial LevelRuns::trial(const Setting& s, double limit) const {
@@ -248,27 +251,40 @@ void LevelRuns::choose_method() {
   if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
 }
 
+// About what a step by a method takes, the solving of its equations included. What decides between
+// methods is such a count and no measured time, so that the same request gives the same run. Of rk:7vr ten
+// stages of 1.2 ns a node (a smoothed threshold: 7).
+double LevelRuns::step_seconds(const MethodSpec& method, PetscInt n) const {
+  struct Price {
+    double step, node;
+  };
+  const Price price = method.is_explicit()
+                          ? Price{1e-6, request_.scene.friction.jumps_at_rest() ? 7e-8 : 1.2e-8}
+                      : method.implicit == "friction" ? Price{6e-6, 6e-8}
+                                                      : Price{1.2e-5, 1.3e-7};
+  return price.step + price.node * double(n);
+}
+
 // Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's
-// is seldom met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1
-// us each.
+// is seldom met, but at a threshold always).
 double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
   const bool threshold = request_.scene.friction.jumps_at_rest();
-  const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
-  return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n));
+  return (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction) *
+         step_seconds(explicit_method(), n);
 }
 
 bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
   if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit"))
     return false;
-  // steps of an implicit run are bound by their error, and cost as much as they would on some 150 nodes more
-  const double more = (150 + double(n)) / (150 + double(seen.scene.n));
-  const double as_explicit = explicit_seconds(pilot_.at_start(setting_.order, n).rates, n);
-  return as_explicit <
-         seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
+  // steps of an implicit run are bound by their error
+  const double steps =
+      double(seen.attempts) * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
+  return explicit_seconds(pilot_.at_start(setting_.order, n).rates, n) <
+         steps * step_seconds(setting_.method, n);
 }
 
 void LevelRuns::take_explicit() {
-  setting_.method = MethodSpec::parse("accuracy", "rk:7vr");
+  setting_.method = explicit_method();
   why_.clear();
 }
 

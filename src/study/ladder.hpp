@@ -54,8 +54,8 @@ struct Level {
   Scene scene;
   double tolerance;
   Answer answer;
-  std::int64_t steps;
-  double seconds;
+  std::int64_t steps, attempts;  // accepted; with those rejected
+  double seconds;                // measured: decides whether there is time left, and nothing else
 };
 
 // The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the
@@ -93,6 +93,7 @@ class LevelRuns {
 
  private:
   Trial trial(const Setting& setting, double limit) const;
+  double step_seconds(const MethodSpec& method, PetscInt n) const;
   double explicit_seconds(const Rates& rates, PetscInt n) const;
   double seen_difference(const Level& a, const Level& b, bool between) const;
   double difference_beside_jump(const Level& coarse, const Level& fine) const;

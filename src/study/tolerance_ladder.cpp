@@ -171,7 +171,7 @@ void ToleranceLadder::look_beyond_own_steps() {
 }
 
 double ToleranceLadder::estimate(const Answer& end) {
-  last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
+  last_run_ = {request_.scene, setting_.tolerance, end, 0, 0, 0};
   look_beyond_own_steps();
   const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
   const double d = difference_of_run(elsewhere ? predicted_time(levels_.back().tolerance) : 0);
