@@ -8,6 +8,7 @@
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
+#include "waves/stage_elimination.hpp"
 
 namespace stickslip {
 
@@ -62,7 +63,7 @@ class TransferMesh {
       for (int a = 0; a < d; ++a)
         for (int b = 0; b < d; ++b) {
           Complex sum = 0;
-          for (int k = 0; k < d; ++k) sum += phi[a * d + k] * Y[k * d + b];
+          for (int k = 0; k < d; ++k) sum += product(phi[a * d + k], Y[k * d + b]);
           next[a * d + b] = sum;
           size = std::max({size, std::abs(sum.real()), std::abs(sum.imag())});
         }
@@ -190,21 +191,43 @@ class TransferMesh {
 
   // y at the end of interval i from y at its beginning.
   void transfer(size_t i, Complex lambda, Complex* phi) const {
-    const int d = dim(), n = stages * d;
+    switch (dim()) {
+      case 2: return transfer_of<2>(i, lambda, phi);
+      case 3: return transfer_of<3>(i, lambda, phi);
+      default: return transfer_of<max_dim>(i, lambda, phi);
+    }
+  }
+  template <int d>
+  void transfer_of(size_t i, Complex lambda, Complex* phi) const {
+    using Stages = StageElimination<d, stages>;
     const Collocation& rule = *rule_[i];
-    Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim],
-        R[stages * max_dim * max_dim];
-    for (int j = 0; j < stages; ++j)
-      matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M + j * d * d);
-    stage_matrix(rule, d, step_[i], M, a);
-    for (int j = 0; j < n; ++j)
-      for (int b = 0; b < d; ++b) R[j * d + b] = j % d == b ? 1. : 0.;
-    if (!solve_dense(n, a, d, R)) throw Failure("the linearised equations of an interval are singular");
+    typename Stages::Rows rows;
+    for (int j = 0; j < stages; ++j) {
+      Complex M[max_dim * max_dim];
+      matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
+      for (int k = 0; k < stages; ++k)
+        for (int p = 0; p < d; ++p)
+          for (int q = 0; q < d; ++q) {
+            const double weight = step_[i] * rule.a[size_t(k * stages + j)];
+            rows.re[k * d + p][j * d + q] = (k == j && p == q ? 1 : 0) - weight * M[p * d + q].real();
+            rows.im[k * d + p][j * d + q] = -weight * M[p * d + q].imag();
+          }
+    }
+    for (int k = 0; k < Stages::n; ++k)
+      for (int q = Stages::n; q < Stages::width; ++q) {
+        rows.re[k][q] = q - Stages::n == k % d ? 1 : 0;
+        rows.im[k][q] = 0;
+      }
+    if (!Stages::solve(&rows)) throw Failure("the linearised equations of an interval are singular");
     for (int p = 0; p < d; ++p)
       for (int q = 0; q < d; ++q) {
-        Complex sum = p == q ? rule.end[0] : 0.;
-        for (int j = 0; j < stages; ++j) sum += rule.end[j + 1] * R[(j * d + p) * d + q];
-        phi[p * d + q] = sum;
+        double re = p == q ? rule.end[0] : 0., im = 0;
+        for (int j = 0; j < stages; ++j) {
+          const int row = rows.order[size_t(j * d + p)];
+          re += rule.end[size_t(j) + 1] * rows.re[row][Stages::n + q];
+          im += rule.end[size_t(j) + 1] * rows.im[row][Stages::n + q];
+        }
+        phi[p * d + q] = {re, im};
       }
   }
 
