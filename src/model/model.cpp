@@ -9,6 +9,7 @@
 #include "base/broadcast.hpp"
 #include "model/massless_chain.hpp"
 #include "model/psi_halo.hpp"
+#include "model/state_response.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -30,6 +31,7 @@ struct Model::Impl {
   mutable double time = 0;
   // of a normal load that varies, at the time said last: N a_i, and what it does to the rate of the state
   mutable std::vector<double> factors, ageing;
+  std::vector<double> response;  // Scene::state_response() of each node, where it is not 0
   LinearPoint no_friction;
   std::vector<NodeCoefficients> medium;  // of this rank's nodes; none where all have the same
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
@@ -52,6 +54,7 @@ struct Model::Impl {
     set_up_law();
     if (scene.normal.varies()) {
       normal_piece = scene.normal.piece_from(0);
+      response = state_responses(scene, first, local);
       set_normal({scene.normal(0), scene.normal.slope_in_piece(normal_piece, 0)});
     }
 
@@ -179,10 +182,8 @@ struct Model::Impl {
   void set_normal(const NormalLoad& normal) const {
     factors.resize(std::size_t(local));
     for (PetscInt i = 0; i < local; ++i) factors[i] = normal.N * amplitude[i];
-    if (scene.linker_dieterich == 0) return;
-    ageing.resize(std::size_t(local));
-    for (PetscInt i = 0; i < local; ++i)
-      ageing[i] = -scene.state_response(first + i) * normal.rate / normal.N;
+    ageing.resize(response.size());
+    for (std::size_t i = 0; i < ageing.size(); ++i) ageing[i] = -response[i] * normal.rate / normal.N;
   }
 
   // f = what the loop makes of u, held nodes like others.
@@ -317,11 +318,11 @@ NormalLoad Model::normal_load(double t) const {
   return {normal.in_piece(impl_->normal_piece, t), normal.slope_in_piece(impl_->normal_piece, t)};
 }
 void Model::pass_corner(Vec u, double t) const {
-  if (scene().linker_dieterich == 0) return;
+  const std::vector<double>& response = impl_->response;
+  if (response.empty()) return;
   const double step = std::log(scene().normal(t) / normal_load(t).N);
   const Writing a(u);
-  for (PetscInt i = 0; i < local() && step != 0; ++i)
-    a[i * dof() + 2] -= scene().state_response(first() + i) * step;
+  for (PetscInt i = 0; i < local() && step != 0; ++i) a[i * dof() + 2] -= response[std::size_t(i)] * step;
 }
 
 MatHandle Model::create_jacobian(Part part) const {

@@ -11,6 +11,7 @@
 #include "base/broadcast.hpp"
 #include "model/loops.hpp"
 #include "model/node_weight.hpp"
+#include "model/state_response.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
 #include "output/normal_in_step.hpp"
@@ -76,9 +77,9 @@ struct Events::Impl {
   std::vector<double> slipped_then;  // the same at the beginning of the step under way
   std::vector<double> last_force;    // friction at the end of the last step of nodes that moved in it
   std::vector<double> rupture;       // where asked for: when a node in a region first slipped in this event
-  // which nodes move in the step under way, and did in the last one
-  std::vector<unsigned char> moving, moved;
+  std::vector<unsigned char> moving, moved;  // whether a node does in the step under way, and did in the last
   NormalInStep normal;
+  std::vector<double> response;  // of the state of each node to it, where there is one
   std::vector<SlipEvent> ended;
   long count = 0;
 
@@ -89,7 +90,8 @@ struct Events::Impl {
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, friction_places(s, first, PetscInt(n)))), halo(s, range),
         regions(s.n, s.ring()), with_ruptures(ruptures), owner(n, -1), slip(n), slipped(n), slipped_then(n),
-        last_force(n), rupture(ruptures ? n : 0, NAN), moving(n, 0), moved(n, 0) {
+        last_force(n), rupture(ruptures ? n : 0, NAN), moving(n, 0), moved(n, 0),
+        response(state_responses(s, first, PetscInt(n))) {
     if (coefficients.empty()) coefficients.push_back(s.coefficients(0));
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
@@ -119,9 +121,8 @@ struct Events::Impl {
       return friction[PetscInt(i)].rate(psi == 0 ? at_rest : psi, s);
     };
     const double middle = (s0 + s1) / 2 + dt / 8 * (rate(p0, s0) - rate(p1, s1));
-    if (scene.linker_dieterich == 0) return middle;
-    return middle -
-           dt / 8 * scene.state_response(first + PetscInt(i)) * (normal.log_rate[0] - normal.log_rate[1]);
+    if (response.empty()) return middle;
+    return middle - dt / 8 * response[i] * (normal.log_rate[0] - normal.log_rate[1]);
   }
 
   // psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have
@@ -375,8 +376,7 @@ struct Events::Impl {
   void pass_jump_of_load(double of_log) {
     if (of_log == 0) return;
     std::fill(moved.begin(), moved.end(), 0);
-    for (std::size_t i = 0; i < n && scene.linker_dieterich != 0; ++i)
-      last[2][i] -= scene.state_response(first + PetscInt(i)) * of_log;
+    for (std::size_t i = 0; i < response.size(); ++i) last[2][i] -= response[i] * of_log;
   }
 
   // From last to now.
