@@ -220,6 +220,18 @@ def test_where_a_slide_under_a_normal_load_ends(tmp_path, monkeypatch):
     assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-6
 
 
+@pytest.mark.parametrize("of, to", (("load_normal_sine", 0.2), ("load_force_sine", 0.6)))
+def test_doubling_under_other_sines(tmp_path, monkeypatch, of, to):
+    """A branch of cycles and `boundary` find one doubling."""
+    monkeypatch.chdir(tmp_path)
+    one = DOUBLING.replace("load_sine", of) + f"-grid_n 1 -bc_left free -{of}_amplitude 0.05 "
+    branch, _ = run(f"{one} -cycle_continue {of}_amplitude -cycle_to {to}", command="cycle")
+    flips = [s["value"] for s in branch["special"] if s["kind"] == "flip"]
+    bound, _ = run(f"{one} -boundary_parameter {of}_amplitude -boundary_from 0 -boundary_to {to}", command="boundary")
+    assert [p["kind"] for p in bound["points"]] == ["flip"] and len(flips) == 1
+    assert abs(bound["points"][0]["value"] - flips[0]) < 1e-7
+
+
 def test_exponents_under_a_normal_load(tmp_path, monkeypatch):
     """On a cycle with rests they are the logarithms of the moduli of its multipliers over its period."""
     monkeypatch.chdir(tmp_path)
