@@ -7,10 +7,13 @@ import functools
 import json
 import os
 import re
+import runpy
 import shlex
 import subprocess
+import sys
 import tempfile
 import time
+import traceback
 
 import h5py
 import numpy as np
@@ -103,6 +106,34 @@ def ran(given, folder=None, **settings):
             with open(path, encoding="utf-8", errors="replace") as file:
                 texts.append(file.read())
     return subprocess.CompletedProcess(given, code, *texts)
+
+
+def tool(name, *given):
+    """The completed process of a script of postprocess/, forked from this process, in which what they all import is loaded."""
+    import matplotlib.pyplot  # noqa: F401
+    path = os.path.join(SOURCE, "postprocess", name)
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                os.dup2(out.fileno(), 1), os.dup2(err.fileno(), 2)
+                sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
+                sys.argv, sys.path[:0] = [path, *map(str, given)], [os.path.dirname(path)]
+                runpy.run_path(path, run_name="__main__")
+                code = 0
+            except SystemExit as end:
+                code = end.code if isinstance(end.code, int) else int(end.code is not None)
+                if isinstance(end.code, str):
+                    print(end.code, file=sys.stderr)
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                sys.stdout.flush(), sys.stderr.flush()
+                os._exit(code)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        out.seek(0), err.seek(0)
+        return subprocess.CompletedProcess([path, *given], code, out.read(), err.read())
 
 
 def call(arguments, ranks=1, command="run", **settings):

@@ -1,8 +1,10 @@
 """Random scenes of exact stick of which only what slides can be advanced (stick_clusters), and their events both ways."""
 import h5py
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from calls import check, run
+from reference import System
 
 ON = " -stick_clusters on"
 
@@ -90,3 +92,19 @@ def events_alike(given, loading):
     check((apart <= 1e-7 / loading).all(), f"other times of first slips, by {apart.max(initial=0)}: {given}")
     check(found == count or alike(1e-3) > found, f"a jump at event {found} of {count}: {given}")
     return found, max(len(whole["t"]), len(own["t"]))
+
+
+def lone_slip(p, v=0.):
+    """Of a block from its threshold on between blocks at rest (options by name, k0 v the plate's pull): (duration, eta at the
+    end, slip, work of friction)."""
+    stiff = p["model_k0"] + 2 * p["model_k1"]
+    one = System(p | {"grid_n": 1, "model_k0": stiff, "model_v": p["model_k0"] * v / stiff})
+
+    def rates(t, y):
+        return [*one.rates(t, y[:2]), y[0], y[0] * one.law.force(y[0], 0., 1.)]
+
+    def stops(t, y):
+        return y[0] if t > 0 else 1.
+    one.going, stops.terminal, stops.direction = np.ones(1), True, -1
+    done = solve_ivp(rates, (0, 1000), [0, 1, 0, 0], method="DOP853", rtol=1e-13, atol=1e-16, events=stops)
+    return done.t[-1], *done.y[1:, -1]

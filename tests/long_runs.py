@@ -34,14 +34,13 @@ import h5py
 import numpy as np
 
 from calls import check, line
+from reference import Law
 
 parts, blocks_of_part = 10, 100
 header_bytes = 400_000      # of a file, all that is no row: attributes, the table of friction, HDF5's own
 most_growth_kb = 1024       # of memory after the first fifth of the steps
 many = 900_000              # steps from which on memory, and the file under way, are looked at: buffers are small then
 
-LAWS = {"carlson-langer": (lambda p: 1 / (1 + p), lambda p: -1 / (1 + p) ** 2),  # F and its slope where psi > 0
-        "cubic": (lambda p: p**3 / 3 - p, lambda p: p**2 - 1)}
 
 
 # ---- running ----------------------------------------------------------------------------------------------------------
@@ -121,9 +120,10 @@ def balance_of_block(t, psi, eta, law, A, B, K0, v):
     """Energy stored at the end of each step less that at its beginning and the work done in between, by the rule that is
     exact for cubics: with the work's rate at both ends and its slope. Units of the friction amplitude; per node
         psi_t = A (eta - B psi - F), eta_t = K0 (v - psi);  E = psi^2/(2 A) + eta^2/(2 K0),  E_t = v eta - psi (F + B psi)."""
-    force, slope = LAWS[law]
-    moves = psi != 0
-    F, dF = np.where(moves, force(psi), 0), np.where(moves, slope(psi), 0)
+    def force(psi):
+        return law.force(psi, 0., 1.)
+    law, moves = Law({"friction_law": law}), psi != 0
+    F, dF = np.where(moves, force(psi), 0), np.where(moves, law.slopes(psi, 0., 1.)[0], 0)
     psi_t = np.where(moves, A * (eta - B * psi - F), 0)
     power = v * eta - psi * (F + B * psi)
     change = v * K0 * (v - psi) - psi_t * (F + psi * dF + 2 * B * psi)
@@ -283,7 +283,7 @@ def smooth(steps, rng, every):
         a, rows = attributes(file), file["probes/t"].shape[0]
         for of in parts_of(file["probes"], ("t", "psi", "eta"), 0, steps):
             t, psi, eta = of["t"], of["psi"], of["eta"]
-            psi_t = a["A"] * (eta - a["B"] * psi - LAWS["cubic"][0](psi))
+            psi_t = a["A"] * (eta - a["B"] * psi - Law({"friction_law": "cubic"}).force(psi))
             sums.add(t, *balance_of_block(t, psi, eta, "cubic", **a), marks=passages(t, psi, psi_t, a["v"]))
     found, cycle = sums.judged("smooth", s, seen), summary_of("cycle", scene)
     found["period"] = period_is_flat(np.concatenate(sums.marks), cycle["period"], tolerance, sums.end, "smooth")

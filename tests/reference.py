@@ -24,7 +24,8 @@ DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "mo
             "friction_slip_velocity": 1e-2, "friction_a": 0.05, "friction_b": 0.1, "friction_mu0": 0.6, "friction_psi0": 1,
             "friction_fc": 0.5, "friction_vs": 1, "friction_p": 2, "friction_viscous": 0, "friction_Dc": 1,
             "friction_weakening": "exponential", "friction_sigma0": 100, "friction_sigma1": 1, "friction_sigma2": 0,
-            "friction_table": "", "friction_table_beyond": "constant", "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
+            "friction_table": "", "friction_table_beyond": "constant", "friction_psi_s": 1, "friction_amplitude": 1,
+            "friction_back_slip": "true", "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
             "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1,
             "load_force_sine_amplitude": 0, "load_force_sine_period": 1, "load_normal": "", "load_normal_sine_amplitude": 0,
             "load_normal_sine_period": 1, "state_linker_dieterich": 0}
@@ -92,12 +93,13 @@ class Law:
     def __init__(self, p):
         self.name, self.state = p["friction_law"], p.get("state_law", STATE_LAWS.get(p["friction_law"], "none"))
         p = DEFAULTS | p
-        self.c3 = p["model_drag"]
+        self.c3, self.dragged = p["model_drag"], np.any(p["model_drag"])
         self.f, self.g = (SimpleNamespace(**{name.removeprefix(family): value for name, value in p.items()
                                              if name.startswith(family)}) for family in ("friction_", "state_"))
         if self.name in OWN_STATE:
             self.f.D = self.g.D = p.get("friction_D", p.get("state_D", 0.1))
         self.g.D = getattr(self.g, "D", 1)
+        self.one_way = str(self.f.back_slip).lower() == "false"
         self.sticks = self.name in ("carlson-langer", "coulomb", "table", "stribeck",
                                     "slip-weakening") and self.f.stick == "exact"
         if self.name == "dahl":
@@ -120,16 +122,18 @@ class Law:
         return 1 + self.g.b * np.log(1 + np.exp(s) / self.g.theta0) if self.state == "contact-age" else 1.
 
     def drag(self, psi, going=None):
-        return self.c3 * psi * psi * (np.sign(np.real(psi)) if going is None else going)
+        return 0. if not self.dragged else self.c3 * psi * psi * (np.sign(np.real(psi)) if going is None else going)
 
     def force(self, psi, s=0., going=None):
         """Of sliding nodes; `going`: the direction of each where psi does not tell."""
         return self.friction(psi, s, going) + self.drag(psi, going)
 
     def friction(self, psi, s=0., going=None):
-        f, sign = self.f, self.sign(psi) if going is None else going
+        f = self.f
+        if self.name == "cubic":
+            return f.amplitude * self.strength(s) * (psi * psi * psi / 3 - psi)
         if self.state == "bristles":
-            return f.amplitude * (f.sigma0 * s + f.sigma1 * self.rate(psi, s) + f.sigma2 * psi)
+            return f.amplitude * (f.sigma0 * s + f.sigma1 * self.rate(psi, s, going) + f.sigma2 * psi)
         if self.name in OWN_STATE:
             age = np.log(f.psi0 / f.D) + s - (np.log(2) if self.state == "prz" else 0)
             if self.name == "dieterich":
@@ -137,9 +141,8 @@ class Law:
             if self.name == "n-shaped":
                 age = np.log(np.exp(age) + f.psi0 / f.psi_s)
             return f.amplitude * f.a * np.arcsinh(psi / (2 * f.psi0) * np.exp((f.mu0 + f.b * age) / f.a))
-        if self.name == "cubic":
-            phi = psi**3 / 3 - psi
-        elif self.name == "tanh":
+        sign = self.sign(psi) if going is None else going
+        if self.name == "tanh":
             phi = f.fc * np.tanh(psi / f.vs)
         elif self.name == "slip-weakening":
             phi = sign + 0 * psi
@@ -159,8 +162,8 @@ class Law:
         alone = {"coulomb": self.f.fs, "stribeck": self.f.fs, "table": self.curve[0](0.) if self.name == "table" else 0}
         return self.f.amplitude * self.strength(s) * alone.get(self.name, 1.)
 
-    def rate(self, psi, s):
-        g, slid = self.g, np.sign(np.real(psi)) * psi / self.g.D
+    def rate(self, psi, s, going=None):
+        g, slid = self.g, (np.sign(np.real(psi)) if going is None else going) * psi / self.g.D
         if self.state == "healing":
             return (g.tau_inf - s) / g.t_h - slid * (s - 1)
         if self.state == "slip-memory":
@@ -170,7 +173,7 @@ class Law:
         if self.state == "prz":
             return np.exp(-s) - (psi / (2 * g.D))**2 * np.exp(s)
         if self.state == "slip":
-            return -slid * (np.log(np.where(slid == 0, 1, slid)) + s)
+            return -slid * (np.log(np.where(slid == 0, 1, np.where(np.real(slid) < 0, -slid, slid))) + s)
         return np.exp(-s) - (np.sqrt(psi**2 + g.psi_h**2) / g.D if self.state == "ageing-cutoff" else slid)
 
     def steady(self, psi):
@@ -193,7 +196,7 @@ class Law:
     def slopes(self, psi, s, going=None):
         """F_psi, F_s, g_psi, g_s."""
         ways = (psi + 1j * STEP, s + 0j), (psi + 0j, s + 1j * STEP)
-        rates = [np.imag(self.rate(*way)) / STEP for way in ways] if self.state != "none" else [0 * psi, 0 * psi]
+        rates = [np.imag(self.rate(*way, going)) / STEP for way in ways] if self.state != "none" else [0 * psi, 0 * psi]
         return [np.imag(self.force(*way, going)) / STEP for way in ways] + rates
 
 
@@ -228,7 +231,7 @@ class System:
         self.free = np.array([i for i in range(n) if i not in self.held])
         self.moves = np.isin(np.arange(n), self.free)  # not held
         self.law, self.loads = Law(p), Loads(p)
-        self.plate = self.loads.plate
+        self.plate, self.damped = self.loads.plate, np.any(self.B)
         self.kinds = 2 if self.law.state == "none" else 3
         self.v, self.normal, self.push = self.plate.after(0), self.loads.normal.after(0), self.loads.push
         self.going = None  # exact stick: the direction of each node, 0 at rest
@@ -265,13 +268,16 @@ class System:
     def rates(self, t, u):
         u = np.asarray(u)
         psi, _, s = self.split(u)
-        force = self.normal(t) * self.law.friction(psi, s, self.going) + self.law.drag(psi, self.going)
-        excess = np.where(self.slides(), self.pull(u) + self.push(t) - force, 0)
-        out = [np.where(self.slides() & self.moves, self.A * (excess - self.B * psi), 0),
+        excess, moves = self.pull(u) - self.law.drag(psi, self.going), self.moves
+        excess = excess + (self.push(t) - self.normal(t) * self.law.friction(psi, s, self.going))
+        if self.going is not None:
+            excess, moves = np.where(self.slides(), excess, 0), self.slides() & moves
+        psi_t = self.A * (excess - self.B * psi if self.damped else excess)
+        out = [psi_t if self.going is None and not self.held else np.where(moves, psi_t, 0),
                self.K0 * (self.v(t) - psi) + self.K1 * self.second(psi) - self.sd * excess]
         if self.kinds == 3:
             answer = self.loads.alpha / self.law.f.b * self.loads.log_rate(self.normal, t) if self.loads.alpha else 0
-            out.append(self.law.rate(psi, s) - answer)
+            out.append(self.law.rate(psi, s, self.going) - answer)
         return np.concatenate(out, axis=-1)
 
     def jacobian(self, u, D=None, t=0.):
@@ -381,15 +387,17 @@ def amplitudes(p, psi, eta):
 
 class Stick:
     """A motion with exact stick: each node rests or slides to one side, until it starts or stops; each change ends a segment
-    of DOP853 and is found by Brent's method. Deviations Y pass a change g = 0 as Y + (f' - f) (grad g . Y)/(grad g . f)."""
+    of DOP853 and is found by Brent's method. Deviations Y pass a change g = 0 as Y + (f' - f) (grad g . Y)/(grad g . f).
+    With load_halt the plate stands, and its clock `plate` with it, while any node slides."""
 
     def __init__(self, system, u, t=0., Y=None, **settings):
         self.system, self.n, self.t, self.settings = system, system.n, t, {"rtol": 3e-12, "atol": 1e-13} | settings
         self.u, self.slip, self.changes, self.fresh = np.array(u, float), np.zeros(self.n), 0, None
+        self.plate, self.halts = t, str(system.p.get("load_halt", "false")).lower() != "false"
         self.Y = np.zeros((len(self.u), 0)) if Y is None else np.array(Y, float)
         system.begin_piece(t)
         psi, pull = self.u[:self.n], system.pull(self.u) + system.push(t)
-        holds = np.abs(pull) <= system.normal(t) * system.law.threshold(system.split(self.u)[2])
+        holds = self.below(self.u, t) >= 0
         system.going = np.where(psi != 0, np.sign(psi), np.where(holds, 0, np.sign(pull)))
         self.Y[:self.n][system.going == 0] = 0
         self.segments = []  # (begin, end, direction of every node, slip and unknowns at the end)
@@ -398,12 +406,19 @@ class Stick:
     def rests(self):
         return self.system.going == 0
 
+    @property
+    def halted(self):
+        return self.halts and not self.rests.all()
+
+    def below(self, u, t):
+        """The distance to the threshold, without slip back to that ahead."""
+        pull, law = self.system.pull(u) + self.system.push(t), self.system.law
+        return self.system.normal(t) * law.threshold(self.system.split(u)[2]) - pull * (1 if law.one_way else np.sign(np.real(pull)))
+
     def gaps(self, u, t):
         """Positive until a node changes: psi along the motion, or the distance to the threshold. t: a number, or a column."""
-        psi, _, s = self.system.split(u)
-        pull = self.system.pull(u) + self.system.push(t)
-        below = self.system.normal(t) * self.system.law.threshold(s) - pull * np.sign(np.real(pull))
-        return np.where(self.system.moves, np.where(self.rests, below, psi * self.system.going), 1)
+        psi = self.system.split(u)[0]
+        return np.where(self.system.moves, np.where(self.rests, self.below(u, t), psi * self.system.going), 1)
 
     def rate(self, t, z):
         N = len(self.u)
@@ -416,6 +431,7 @@ class Stick:
         self.u, self.slip = z[:N].copy(), z[N:N + self.n].copy()
         self.Y = z[N + self.n:].reshape(N, -1).copy()
         self.segments.append((self.t, t, self.system.going.copy(), self.slip, self.u.copy()))
+        self.plate += 0 if self.halted else t - self.t
         self.t = t
 
     def first_change(self, solver):
@@ -443,24 +459,24 @@ class Stick:
         if self.Y.size:
             gradient = np.imag(self.gaps(self.u + 1j * STEP * np.eye(len(self.u)), self.t)[:, i]) / STEP
             by_time = np.imag(self.gaps(self.u, self.t + 1j * STEP)[i]) / STEP
-        push, N = system.push(self.t), system.normal(self.t)
-        pull = system.pull(self.u)[i] + push
-        threshold = N * np.broadcast_to(system.law.threshold(system.split(self.u)[2]), self.n)[i]
         if not self.rests[i]:
             self.u[i] = 0
-            pull = system.pull(self.u)[i] + push
         system.going = system.going.astype(float)
-        system.going[i] = np.sign(pull) if self.rests[i] or abs(pull) > threshold else 0
+        turns = self.rests[i] or self.below(self.u, self.t)[i] < 0
+        system.going[i] = np.sign(system.pull(self.u)[i] + system.push(self.t)) if turns else 0
         if self.Y.size:
             jump = system.rates(self.t, self.u) - before
             self.Y = self.Y + np.outer(jump, gradient @ self.Y) / (gradient @ before + by_time)
         self.fresh, self.changes = i, self.changes + 1
 
-    def advance(self, end, on_change=None, most=None):
-        """To that time, or until so many changes; the unknowns there. on_change(self): after each of them."""
-        while self.t < end and (most is None or self.changes < most):
+    def advance(self, end, on_change=None, most=None, plate=np.inf):
+        """To that time, or that of the plate, or until so many changes; the unknowns there. on_change(self): after each."""
+        while self.t < end and plate - self.plate > 1e-12 and (most is None or self.changes < most):
             until = self.system.loads.pieces(self.t, end)[0][1]
             self.u = self.system.begin_piece(self.t, self.u)
+            if self.halted:
+                self.system.v = lambda t: 0.
+            until = until if self.halted else min(until, self.t + plate - self.plate)
             start = np.concatenate([self.u, self.slip, self.Y.ravel()])
             solver, found = DOP853(self.rate, self.t, start, until, **self.settings), None
             while solver.status == "running" and found is None:

@@ -1,13 +1,12 @@
 """Periods of oscillations that pass rest, where |psi| in the state law turns a corner: against DOP853 from corner to corner, each
 side with its own sign, and a fixed point of its return map. The printed error is no smaller than the true one."""
-import math
-
 import h5py
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from calls import run
+from reference import Law
 
 FEW_WAVENUMBERS = (  # a cycle that turns back twice a period
     "-model_gamma 9.221509752006487 -model_delta 0 -model_v -0.445817403449582 -friction_law rate-and-state "
@@ -31,62 +30,42 @@ def draw(rng):
 
 class Oscillator:
     def __init__(self, p):
-        gamma, delta, v, D = p["model_gamma"], p["model_delta"], p["model_v"], p.get("friction_D", p.get("state_D"))
+        self.law, self.v, self.gamma, self.delta = Law(p), p["model_v"], p["model_gamma"], p["model_delta"]
 
-        def friction(u, s):
-            if p["friction_law"] == "cubic":
-                return (1 + p["state_b"] * math.log1p(math.exp(s) / p["state_theta0"])) * (u**3 / 3 - u)
-            a, psi0 = p["friction_a"], p["friction_psi0"]
-            return a * math.asinh(u / (2 * psi0) * math.exp((0.6 + p["friction_b"] * (math.log(psi0 / D) + s)) / a))
+    def rates(self, y, side):
+        psi, eta, s = map(float, y)
+        excess = eta - self.law.force(psi, s, side)
+        return np.array([self.gamma * excess, (self.v - psi) / self.gamma - self.delta * excess, self.law.rate(psi, s, side)])
 
-        def rates(y, sign):
-            u, e, s = map(float, y)
-            F, a = friction(u, s), max(sign * u / D, 0)
-            aged = (-a * (math.log(a) + s) if a else 0.) if p["state_law"] == "slip" else math.exp(-s) - a
-            return [gamma * (e - F), (v - u) / gamma - delta * (e - F), aged]
-        self.rates, self.v = rates, v
-
-    def turn(self, y):
-        """From psi = v to the next such passage the same way: y there and how long that took."""
-        y, t, way = np.array(y, float), 0., np.sign(self.v)
-        away = False
-        for _ in range(40):
-            sign = np.sign(y[0]) or np.sign(self.rates(y, 1)[0])
-
-            def f(_, z, sign=sign):
-                return self.rates(z, sign)
+    def turn(self, y, corners, rtol):
+        """(eta, s) so many passages of rest later, and how long that took."""
+        y, t = np.array([0., *y]), 0.
+        for _ in range(corners):
+            side = np.sign(self.rates(y, 0)[0])
 
             def corner(_, z):
                 return z[0]
-
-            def passage(_, z):
-                return way * (z[0] - self.v)
-            corner.terminal = passage.terminal = True
-            corner.direction, passage.direction = -sign, 1
-            if y[0] == 0:  # off the corner
-                y = y + 1e-14 * np.array(f(0, y))
-            done = solve_ivp(f, (0, 1e3), y, method="DOP853", rtol=1e-13, atol=1e-14, events=[corner, passage] if away else [corner],
-                             first_step=1e-6, max_step=np.inf if away else 0.05)
-            if not away and np.any(way * (done.y[0] - self.v) < -1e-3):
-                away = True
-            y, t = done.y[:, -1].copy(), t + done.t[-1]
-            if done.t_events[0].size:
-                y[0] = 0.
-                continue
-            slope = self.rates(y, sign)
-            late = (y[0] - self.v) / slope[0]
-            return y - late * np.array(slope), t - late
-        return None
+            corner.terminal, corner.direction = True, -side
+            done = solve_ivp(lambda _, z, side=side: self.rates(z, side), (0, 1e3), y + 1e-14 * self.rates(y, side),
+                             method="DOP853", rtol=rtol, atol=rtol / 10, events=corner, first_step=1e-6)
+            if done.status != 1:
+                return np.full(2, np.inf), np.inf
+            y, t = done.y[:, -1] * [0, 1, 1], t + done.t[-1]
+        return y[1:], t
 
 
-def period_of(p, start):
+def period_of(p, start, corners):
+    """By Newton's method, at last with the slopes of turns that are less exact."""
     oscillator = Oscillator(p)
 
-    def gap(point):
-        turn = oscillator.turn([p["model_v"], *point])
-        return turn[0][1:] - point if turn else np.array([1., 1])
-    found = root(gap, start, options={"eps": 1e-7, "xtol": 1e-13})
-    return oscillator.turn([p["model_v"], *found.x])[1] if np.max(abs(gap(found.x))) < 1e-10 else None
+    def gap(point, rtol=1e-8):
+        return oscillator.turn(point, corners, rtol)[0] - point
+    found = root(gap, start, options={"eps": 1e-4}).x
+    slopes = np.transpose([gap(found + step) - gap(found - step) for step in 1e-4 * np.eye(2)]) / 2e-4
+    for _ in range(2):
+        found = found - np.linalg.solve(slopes, gap(found, 1e-13))
+    end, period = oscillator.turn(found, corners, 1e-13)
+    return period if np.max(abs(end - found)) < 1e-10 else None
 
 
 def compare(p, text):
@@ -96,12 +75,9 @@ def compare(p, text):
         return False
     with h5py.File("c.h5") as file:
         psi, eta, s = (file[name][:, 0] for name in ("psi", "eta", "theta"))
-    way = np.sign(p["model_v"])
-    above = way * (psi - p["model_v"]) >= 0
-    k = np.flatnonzero(~above[:-1] & above[1:])
-    k = k[0] if len(k) else 0
-    part = (p["model_v"] - psi[k]) / (psi[k + 1] - psi[k])
-    true = period_of(p, [eta[k] + part * (eta[k + 1] - eta[k]), np.log(s[k] + part * (s[k + 1] - s[k]))])
+    at = np.flatnonzero((psi[:-1] < 0) != (psi[1:] < 0))
+    k, part = at[0], psi[at[0]] / (psi[at[0]] - psi[at[0] + 1])
+    true = period_of(p, [eta[k] + part * (eta[k + 1] - eta[k]), np.log(s[k] + part * (s[k + 1] - s[k]))], len(at))
     if true is None:
         return False
     off = abs(found["period"] / true - 1)

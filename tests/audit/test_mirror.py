@@ -7,13 +7,11 @@ its lower limit is -infinity, and no option makes that of the upper limit.
 import json
 import os
 import re
-import subprocess
-import sys
 
 import h5py
 import numpy as np
 
-from calls import SOURCE, call, data
+from calls import call, data, tool
 
 # Options that change sign; of those that name what is varied.
 ODD = {"model_v", "bc_left_value", "bc_right_value", "init_psi", "init_eta", "init_amplitude",
@@ -413,9 +411,8 @@ def test_laws(scenes):
                 assert np.array_equal(values, -other[::-1], equal_nan=True), f"scene {index} {o}: {name}"
 
 
-def tool(name, *words):
-    script = os.path.join(SOURCE, "postprocess", name)
-    done = subprocess.run([sys.executable, "-B", script, *words], capture_output=True, text=True, timeout=100)
+def said_by(name, *words):
+    done = tool(name, *words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -444,13 +441,13 @@ def test_tools():
         del e["direction"]
     said, tables = set(), []
     for name in ("one", "other", "earlier"):
-        tool("catalogue.py", f"{name}.h5", "--from", "0.5", "--fit", "-1", "3", "--json", "table.json")
+        said_by("catalogue.py", f"{name}.h5", "--from", "0.5", "--fit", "-1", "3", "--json", "table.json")
         tables.append(json.load(open("table.json")))
     for name in ("one", "other"):
-        text = tool("events.py", f"{name}.h5", "--from", "0.5", "--fit", "-1", "3", "-o", "picture.png")
+        text = said_by("events.py", f"{name}.h5", "--from", "0.5", "--fit", "-1", "3", "-o", "picture.png")
         assert "no events" not in text
         said.add(text.split(": ", 1)[1])
-    assert "no events" not in tool("plot.py", "earlier.h5", "-o", "plot.png")
+    assert "no events" not in said_by("plot.py", "earlier.h5", "-o", "plot.png")
     assert len(said) == 1, said
     for table in tables[1:]:
         assert not list(differences(tables[0], table, 1e-9))

@@ -1,10 +1,8 @@
 """Spectra of trains of every law and state, signs of speed and of delta, with viscosity and without: against Hill's matrix
 at two resolutions. Growth rate, number of modes that grow, what is listed and the verdict are compared."""
-
-import h5py
 import numpy as np
 
-from . import hill
+import hill
 from calls import run
 
 ROUND = ("-model_gamma 7.5 -model_delta 0 -model_v 0.8 -friction_law rate-and-state -friction_a 0.15 -friction_b 0.25 "
@@ -52,20 +50,9 @@ def draw(rng):
     return p
 
 
-def one_pulse(path, summary):
-    """Phases in [0, 1) and the unknowns there, s as it is integrated."""
-    with h5py.File(path) as file:
-        x, columns = file["x"][...] * summary["pulses"] / summary["length"], [file["psi"][...], file["eta"][...]]
-        columns += [np.log(file[name][...]) if name == "theta" else file[name][...] for name in ("theta", "tau") if name in file]
-    inside = x < 1 + 1e-12
-    phase = x[inside] if summary["speed"] < 0 else 1 - x[inside]
-    phase, first = np.unique(np.clip(phase, 0, 1), return_index=True)
-    return phase[phase < 1], np.array([c[inside][first] for c in columns]).T[phase < 1]
-
-
 def reference(p, summary, points):
     """Growth rates of the modes that two matrices share, translation left out; None where they do not settle."""
-    phase, samples = one_pulse("train.h5", summary)
+    phase, samples = hill.one_pulse("train.h5", summary)
     lists = []
     for n in points:
         train = hill.Train(p, p["wave_speed"], phase, samples, summary["period"], n)

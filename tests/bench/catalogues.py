@@ -12,11 +12,12 @@ duration, in units of sqrt(k1/m).
 import os
 import sys
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "postprocess"))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [os.path.join(HERE, "..", "..", "postprocess"), os.path.join(HERE, "..")]
 
 import numpy as np  # noqa: E402
 from catalogue import ensembles, fit, interval, magnitudes, read, statistics, student  # noqa: E402
-from scipy.integrate import solve_ivp  # noqa: E402
+from cluster_scenes import lone_slip  # noqa: E402
 
 LOW, HIGH = -3.5, -0.5
 DECADE = np.log(10)
@@ -59,15 +60,8 @@ def cuts(paths):
 
 def slip_of_a_lone_block(options):
     """How far a block of the Carlson-Langer chain slips from its threshold on between blocks at rest."""
-    k0, k1, sigma, alpha = (float(options[name]) for name in ("model_k0", "model_k1", "friction_sigma", "friction_alpha"))
-
-    def rates(_, y):
-        friction = (1 - sigma) / (1 + 2 * alpha * y[0] / (1 - sigma))
-        return [y[1] - friction, -(k0 + 2 * k1) * y[0], y[0]]
-
-    stops = lambda t, y: y[0] if t > 0 else 1.0  # noqa: E731
-    stops.terminal, stops.direction = True, -1
-    return solve_ivp(rates, (0, 1000), [0, 1, 0], method="DOP853", rtol=1e-12, atol=1e-16, events=stops).y[2, -1]
+    numbers = {name: float(options[name]) for name in ("model_k0", "model_k1", "friction_sigma", "friction_alpha")}
+    return lone_slip({"model_form": "chain", "friction_law": "carlson-langer"} | numbers)[2]
 
 
 def first_decade(options):

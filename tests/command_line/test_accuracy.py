@@ -88,10 +88,8 @@ def test_stiff_parts_are_taken_implicitly():
 
 JUMP = ["-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", "-grid_length", 24]
 GAMMA, DELTA, V, HELD, BEGIN = 3, 0.2, 0.2, -1.5, 0.1
-
-
-def cubic(psi):
-    return psi**3 / 3 - psi
+POINT = System({"grid_n": 1, "grid_order": 2, "model_gamma": GAMMA, "model_delta": DELTA, "model_v": V})  # all alike
+cubic = POINT.law.force
 
 
 def along_characteristics(t_end, n, length=24):
@@ -107,7 +105,7 @@ def along_characteristics(t_end, n, length=24):
     def implicit(psi, ingoing, chi, t):
         for _ in range(8):
             f = psi - ingoing - dt / 2 * source(psi, chi + dt / 2 * psi, t)
-            psi = psi - f / (1 + dt / 2 * (dt / 2 + DELTA + GAMMA * (psi * psi - 1)))
+            psi = psi - f / (1 + dt / 2 * (dt / 2 + DELTA + GAMMA * POINT.law.slopes(psi, 0 * psi)[0]))
         return psi
 
     psi = np.full(n + 1, BEGIN)
@@ -156,10 +154,9 @@ def test_jump():
         error = max(error, np.abs(psi[side] - CubicSpline(node[own], exact[own])(x[side])).max())
     assert error <= 0.03 and error / 3 <= made["error_estimate"], error
 
-    def along(_, y):
-        psi, eta, height = y
-        return [GAMMA * (eta - cubic(psi)), (V - psi) / GAMMA - DELTA * (eta - cubic(psi)),
-                -(GAMMA * (cubic(psi + height) - cubic(psi)) + DELTA * height) / 2]
+    def along(t, y):
+        psi, _, height = y
+        return [*POINT.rates(t, y[:2]), -(GAMMA * (cubic(psi + height) - cubic(psi)) + DELTA * height) / 2]
     relation = solve_ivp(along, (0, t_end), [BEGIN, BEGIN, HELD - BEGIN], rtol=1e-11, atol=1e-12).y[2, -1]
     assert abs(jump["height"] - relation) < 1e-8 * abs(relation), (jump, relation)
     assert abs(jump["height"] - (2 * high - low)) < 3 * (high - low)**2 + 1e-3, (jump, low, high)

@@ -1,13 +1,12 @@
 """Statistics of catalogues (postprocess/catalogue.py): on catalogues drawn from known laws, and as a user calls it."""
 import json
 import os
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from calls import PROGRAM, SOURCE, call, check, scene_file, words
+from calls import SOURCE, call, check, scene_file, tool, words
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import catalogue as c  # noqa: E402
@@ -179,24 +178,22 @@ def test_foreshocks_and_aftershocks_are_those_of_the_rule():
 
 def test_as_a_user_calls_it():
     for seed in (1, 2, 3):
-        subprocess.run([PROGRAM, "run", "-progress", "off", "-out_file", f"c-{seed:06d}.h5", "-init_seed", str(seed)] +
-                       words(scene_file("catalogue") + " -grid_n 40 -ts_max_time 6000 -out_frames 2"), check=True)
+        call(scene_file("catalogue") + f" -grid_n 40 -ts_max_time 6000 -out_frames 2 -out_file c-{seed:06d}.h5 -init_seed {seed}").check_returncode()
     files = [f"c-{seed:06d}.h5" for seed in (1, 2, 3)]
-    script = [sys.executable, os.path.join(SOURCE, "postprocess", "catalogue.py")]
-    done = subprocess.run(script + files + ["--from", "1", "--fit", "-3.5", "-0.5", "-o", "c.png", "--json", "c.json", "--by", "grid_n"],
-                          capture_output=True, text=True, check=True)
+    done = tool("catalogue.py", *files, "--from", 1, "--fit", -3.5, -0.5, "-o", "c.png", "--json", "c.json", "--by", "grid_n")
+    check(done.returncode == 0, done.stderr)
     row = json.load(open("c.json"))["grid_n 40"]
     check(row["runs"] == 3 and row["nodes"] == 40 and row["events"] > 50, f"table: {row}")
     check(0.8 < row["moment_per_node_and_way"] < 1.2, f"slip makes up for the plate: {row['moment_per_node_and_way']}")
     check("3 runs of 40 nodes" in done.stdout and os.path.getsize("c.png") > 10000, done.stdout)
     check("sequences" not in row and "main shock" not in done.stdout, "unasked for")
-    done = subprocess.run(script + files + ["--main", "1", "--window", "0.2", "--json", "c.json"], capture_output=True, text=True,
-                          check=True)
+    done = tool("catalogue.py", *files, "--main", 1, "--window", 0.2, "--json", "c.json")
+    check(done.returncode == 0, done.stderr)
     row = json.load(open("c.json"))["all"]["sequences"]
     check(row["main_shocks"] > 5 and f"  {row['main_shocks']} main shocks, each with" in done.stdout, f"{row}: {done.stdout}")
     for wrong, said in ((files + ["--by", "nothing"], "no option nothing"), (["none.h5"], "does not exist"),
                         (files + ["--from", "90"], "ends before")):
-        refused = subprocess.run(script + wrong, capture_output=True, text=True, check=False)
+        refused = tool("catalogue.py", *wrong)
         check(refused.returncode == 1 and said in refused.stderr and refused.stderr.count("\n") == 1, refused.stderr)
 
 

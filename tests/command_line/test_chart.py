@@ -1,7 +1,6 @@
 """The command chart: its errors against a Fourier method of another make, wrong use."""
 import json
 import os
-import subprocess
 import sys
 
 import h5py
@@ -10,7 +9,7 @@ import xarray
 
 import pytest
 
-from calls import PROGRAM, SOURCE, ran
+from calls import PROGRAM, SOURCE, ran, tool
 from reference import System
 
 
@@ -62,10 +61,9 @@ def test_errors_against_a_fourier_method():
             continue
         method, _, subtype = row["method"].partition(":")
         implicit = ["-imex_implicit", row["implicit"]] if method == "arkimex" else []
-        subprocess.run([PROGRAM, "run", *map(str, SCENE[:2] + SCENE[4:8]), "-grid_n", str(row["n"]), "-grid_order",
-                        str(row["order"]), "-ts_type", method, f"-ts_{method}_type", subtype, "-ts_rtol",
-                        str(row["tolerance"]), "-ts_atol", str(row["tolerance"]), *implicit, "-out_times", str(T),
-                        "-out_file", "row.h5"], check=True, capture_output=True)
+        ran([PROGRAM, "run", *SCENE[:2] + SCENE[4:8], "-grid_n", row["n"], "-grid_order", row["order"], "-ts_type", method,
+             f"-ts_{method}_type", subtype, "-ts_rtol", row["tolerance"], "-ts_atol", row["tolerance"], *implicit, "-out_times", T,
+             "-out_file", "row.h5"]).check_returncode()
         with h5py.File("row.h5") as file:
             own = np.array([file["psi"][-1], file["eta"][-1]])
         error = np.abs(own - exact[:, ::256 // row["n"]]).max()
@@ -111,9 +109,7 @@ def test_errors_against_a_fourier_method():
         assert data.sizes["row"] == len(rows) and data.attrs["kind"] == "chart"
         assert np.array_equal(data["error"], [np.nan if r["error"] is None else r["error"] for r in rows], equal_nan=True)
         assert int(data["best"].sum()) == len(best)
-    subprocess.run([sys.executable, "-B", os.path.join(SOURCE, "postprocess", "plot.py"), "c.h5"], check=True,
-                   capture_output=True)
-    assert os.path.getsize("c.png") > 10000
+    assert tool("plot.py", "c.h5").returncode == 0 and os.path.getsize("c.png") > 10000
 
 
 @pytest.mark.ranks
@@ -126,8 +122,8 @@ def test_same_on_two_ranks():
 
 def test_a_run_as_the_reference():
     # a solution of `run` as the reference: its error is not known
-    subprocess.run([PROGRAM, "run", *map(str, SCENE[:2] + SCENE[4:8]), "-grid_n", "256", "-grid_order", "8", "-ts_rtol",
-                    "1e-11", "-ts_atol", "1e-11", "-out_file", "fine.h5", "-out_frames", "2"], check=True, capture_output=True)
+    ran([PROGRAM, "run", *SCENE[:2] + SCENE[4:8], "-grid_n", 256, "-grid_order", 8, "-ts_rtol", 1e-11, "-ts_atol", 1e-11,
+         "-out_file", "fine.h5", "-out_frames", 2]).check_returncode()
     one = summary(*FEW)
     by_file = summary(*FEW, "-chart_reference", "fine.h5")
     assert by_file["reference_error"] is None and "not known" in by_file["warnings"][0]

@@ -88,7 +88,7 @@ def test_period_without_probes():
     said("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "400", summary=True)
     with open("s.json", encoding="utf-8") as file:
         alone = json.load(file)
-    subprocess.run([PROGRAM, "cycle", *CHAIN, "-grid_n", "1", "-progress", "off", "-summary", "c.json"], check=True)
+    ran([PROGRAM, "cycle", *CHAIN, "-grid_n", "1", "-progress", "off", "-summary", "c.json"]).check_returncode()
     with open("c.json", encoding="utf-8") as file:
         cycle = json.load(file)
     # both are means over passages of the same motion, of tolerance 1e-6

@@ -8,10 +8,10 @@ import time
 import h5py
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from calls import PROGRAM, check, data, line, refused, run, same, words
-from cluster_scenes import ON, catalogue, drawn_scene, events_alike, start_file
+from calls import call, check, data, line, refused, run, same
+from cluster_scenes import ON, catalogue, drawn_scene, events_alike, lone_slip, start_file
+from reference import options
 
 CARLSON = ("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_sigma 0.01"
            " -friction_alpha 3 -out_events -out_series false -out_frames 2")
@@ -61,30 +61,21 @@ def test_a_restart_is_the_same_to_the_last_bit():
 
 
 def test_a_block_alone_is_that_of_scipy():
-    v, k1, sigma, alpha = 1e-3, 2.0, 0.01, 3.0
+    v, k1 = 1e-3, 2.0
     eta = np.array([0.1, 0.2, 0.9, 0.15, 0.1, 0.0])
     run(CARLSON + f" -model_k1 {k1} -model_v {v} -grid_n 6 -bc_left free -friction_back_slip false -ts_max_time 130"
         " -ts_rtol 1e-12 -ts_atol 1e-12 -out_file b.h5" + start_file(eta) + ON)
     e = catalogue("b.h5")
     check(len(e["t"]) == 1 and e["extent"][0] == 1 and e["first"][0] == 2, f"one block slips once: {e}")
 
-    def rates(_, y):
-        psi, force = y[:2]
-        friction = (1 - sigma) / (1 + 2 * alpha * psi / (1 - sigma))
-        return [force - friction, v - psi - 2 * k1 * psi, psi, psi * friction, psi * force]
-
-    def stops(t, y):
-        return y[0] if t > 0 else 1.0
-    stops.terminal, stops.direction = True, -1
-    truth = solve_ivp(rates, (0, 50), [0, 1, 0, 0, 0], method="DOP853", rtol=1e-13, atol=1e-15, events=stops)
-    duration, (_, behind, slip, work, given) = truth.t[-1], truth.y[:, -1]
+    duration, behind, slip, work = lone_slip(options(CARLSON + f" -model_k1 {k1}"), v)
     check(abs(e["begin"][0] - 0.1 / v) < 1e-9 / v, f"begins at {e['begin'][0]}")
     check(abs(e["t"][0] - e["begin"][0] - duration) < 1e-9 * duration, f"lasts {e['t'][0] - e['begin'][0]}, {duration}")
     for name, exact, bound in (  # what goes through several sums of Simpson's rule has their errors, dt^4 each
             ("slip", slip, 1e-9), ("moment", slip, 1e-9), ("stress_drop", 1 - behind, 1e-8), ("friction_work", work, 1e-8),
             ("strain_energy", slip * (1 + behind) / 2, 1e-8)):
         check(abs(e[name][0] / exact - 1) < bound, f"{name} {e[name][0]}, {exact}")
-    check(abs(given / work - 1) < 1e-9 and abs(e["radiated"][0]) < 1e-15, "nothing is radiated")
+    check(abs(e["radiated"][0]) < 1e-15, "nothing is radiated")
 
 
 def test_frames_change_nothing_and_lie_in_the_steps():
@@ -231,7 +222,7 @@ def test_limits_and_signals():
              start_file(np.random.default_rng(2).uniform(0, 1, 2000)) + ON)
     s, _ = run(given + " -ts_max_steps 1000")
     check(s["status"] == "stopped" and s["steps"] == 1000 and s["t_end"] < 1500, f"{s['status']} {s['steps']} {s['t_end']}")
-    shown = subprocess.run([PROGRAM, "run", *words(given + " -check")], capture_output=True, text=True, check=True)
+    shown = call(given + " -check")
     said = shown.stderr
     check("reach t = 1500" in said and "checked: 2000 nodes" in said, f"-check takes steps of clusters: {said}")
     run(given.replace("s.h5", "whole.h5"))

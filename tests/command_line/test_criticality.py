@@ -1,12 +1,11 @@
 """Criticality of the boundary from outside: against the amplitudes of runs on either side, keys, files, pictures."""
 import os
-import subprocess
 
 import h5py
 import numpy as np
 import pytest
 
-from calls import SOURCE, check, data, run, scene_file
+from calls import check, data, run, scene_file, tool
 from files_page import FilesPage, disagreements
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free "
@@ -75,8 +74,7 @@ def test_a_curve_with_a_bautin_point():
     with h5py.File("bautin.h5") as file:
         check(file["special/value"][0] == v and len(file["criticality"]) == len(found["points"]), "the file has the same")
         check(np.all(file["lyapunov_coefficient"][...] == [p["lyapunov_coefficient"] for p in found["points"]]), "and those")
-    plot = ["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), "bautin.h5"]
-    done = subprocess.run(plot, capture_output=True, text=True)
+    done = tool("plot.py", "bautin.h5")
     check(done.returncode == 0 and os.path.getsize("bautin.png") > 5000, done.stderr)
 
 

@@ -1,14 +1,13 @@
 """`fit`: the shipped scene, ways to say the same data, what the data leave open, ranges, ranks, the picture. What was put in
 comes back: tests/audit/test_fit.py."""
 import os
-import subprocess
 import sys
 
 import h5py
 import numpy as np
 import pytest
 
-from calls import SOURCE, call, check, data, run, scene_file
+from calls import SOURCE, call, check, data, run, scene_file, tool
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -model_v 0.9 -init_psi 1.2 -init_eta 0.5 -ts_max_time 12 -friction_law tanh " \
         "-model_zeta 0.1 "
@@ -35,7 +34,7 @@ def test_the_shipped_scene():
     check(np.all(off < 3) and s["starts"] == 4 and not s["warnings"], f"{s['parameters']} {s['warnings']}")
     file = data("f.h5")
     check(np.allclose(file["left"], file["data"] - file["fit"]) and abs(np.sqrt(np.mean(file["left"]**2)) - s["residual"]) < 1e-12, "what is left")
-    done = subprocess.run([sys.executable, os.path.join(SOURCE, "postprocess", "plot.py"), "f.h5", "-o", "f.png"], capture_output=True, text=True)
+    done = tool("plot.py", "f.h5", "-o", "f.png")
     check(done.returncode == 0, done.stderr)
 
 
@@ -96,9 +95,8 @@ def test_the_laboratory_s_picture():
     check(np.quantile(off, 0.95) < 1e-2 and abs(way[-1] - (33 + 30 + 0 + 10 + 7 / (2 * np.pi) * (1 - np.cos(40 * np.pi / 7)))) < 1e-9, f"{way[-1]} {np.max(off)}")
     run(scene + " -out_file f.h5", command="fit")
     run(f"{scene} -friction_D 8 -out_file s.h5 -out_frames 41")
-    plot = [sys.executable, os.path.join(SOURCE, "postprocess", "plot.py"), "--lab"]
     for files, code in ((["s.h5", "f.h5"], 0), (["r.h5"], 0), (["f.h5"], 2)):
-        done = subprocess.run([*plot, *files, "-o", "l.png"], capture_output=True, text=True)
+        done = tool("plot.py", "--lab", *files, "-o", "l.png")
         check(done.returncode == code, f"{files}: {done.stderr}")
 
 

@@ -1,13 +1,11 @@
 """The command laws: tables against the formulas written out here, the file against the summary, wrong use refused."""
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import xarray
 
-from calls import SOURCE, refused, run
+from calls import refused, run, tool
 
 
 def summary(words=""):
@@ -74,8 +72,7 @@ def test_the_file():
 
     # drawn, also where a stick range has no lower end
     summary(f"-out_file {path} -friction_law coulomb -friction_back_slip false")
-    plot = os.path.join(SOURCE, "postprocess", "plot.py")
-    drawn = subprocess.run([sys.executable, "-B", plot, path, "-o", path + ".png"], capture_output=True, text=True)
+    drawn = tool("plot.py", path, "-o", path + ".png")
     assert drawn.returncode == 0 and not drawn.stderr and os.path.getsize(path + ".png") > 5000, drawn
 
 

@@ -7,7 +7,7 @@ import tempfile
 
 import pytest
 
-from calls import PROGRAM, SOURCE, call, check, scene_file, words
+from calls import PROGRAM, SOURCE, call, check, scene_file
 
 
 class Run:
@@ -167,8 +167,7 @@ def test_wrong_speed():
 
 def test_a_trend_of_a_scene_too_short_to_decide():
     """One period of a train: steps let its size creep by 0.6 %, which is `growing` and no false regime; they fail by blow-up."""
-    done = subprocess.run([PROGRAM, "chart", *words(scene_file("limits-near-c")), "-chart_methods", "rk:5dp", "-chart_values", "11",
-                           "-progress", "off", "-summary", "short.json"], capture_output=True, text=True)
+    done = call(scene_file("limits-near-c") + " -chart_methods rk:5dp -chart_values 11 -summary short.json", command="chart")
     check(done.returncode == 0, done.stderr)
     with open("short.json", encoding="utf-8") as file:
         row = json.load(file)["rows"][0]

@@ -26,8 +26,7 @@ def test_what_creeps_in_is_seen():
     with pytest.raises(AssertionError, match="not flat"):
         long_runs.flat(rows + 0.15 * np.arange(long_runs.parts)[:, None], 0, "drift")
     t = np.linspace(0, 10, 200)  # psi = 1 + cos(t)/4 under a constant force, and with energy lost
-    long_runs.LAWS["constant"] = (lambda p: 0.5 + 0 * p, lambda p: 0 * p)
-    balance = lambda psi, eta: np.abs(long_runs.balance_of_block(t, psi, eta, "constant", 1, 0, 1, 1)[0]).max()
+    balance = lambda psi, eta: np.abs(long_runs.balance_of_block(t, psi, eta, "coulomb", 1, 0, 1, 1)[0]).max()
     assert balance(1 + np.cos(t) / 4, 0.5 - np.sin(t) / 4) < 1e-8
     decay = np.exp(-0.01 * t) / 4
     assert balance(1 + decay * np.cos(t), 0.5 - decay * np.sin(t)) > 1e-6

@@ -190,8 +190,7 @@ def test_pictures():
         check(code == 0 and is_picture(f"{what}.png"), what + said)
     for kind, options in {"spectrum": ["-grid_n", 64, "-bc_left", "velocity"],
                           "wave": ["-wave_pulses", 2, "-wave_length", 60], "laws": []}.items():
-        out = subprocess.run([PROGRAM, kind, *map(str, options), "-out_file", f"{kind}.h5"], capture_output=True,
-                             text=True, timeout=60)
+        out = ran([PROGRAM, kind, *options, "-out_file", f"{kind}.h5"])
         check(out.returncode == 0, kind + out.stderr)
         with xarray.open_dataset(f"{kind}.h5", engine="h5netcdf") as data:
             check(data.attrs["kind"] == kind and len(data.coords) > 0, f"xarray opens the file of {kind}")

@@ -1,17 +1,15 @@
 """The commands spectrum and boundary from outside: keys, files, pictures, exit codes."""
 import os
-import subprocess
 
 import numpy as np
 import pytest
 
-from calls import SOURCE, call, check, data, refused, run, scene_file
+from calls import call, check, data, refused, run, scene_file, tool
 
 
 def drawn(path):
     """plot.py makes a picture of the file."""
-    done = subprocess.run(["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), path], capture_output=True,
-                          text=True)
+    done = tool("plot.py", path)
     assert done.returncode == 0 and os.path.getsize(path[:-3] + ".png") > 5000, done.stderr
 
 

@@ -1,11 +1,10 @@
 """Limits of trains from outside: keys, file, the diagram over one of sliding, bad input."""
 import os
-import subprocess
 
 import h5py
 import numpy as np
 
-from calls import SOURCE, check, refused, run
+from calls import check, refused, run, tool
 from files_page import FilesPage, disagreements
 
 TRAIN = "-model_v 0.853 -wave_pulses 1 -wave_length 25 "
@@ -26,8 +25,7 @@ def test_limits_followed_in_a_second_option():
     run("-grid_n 16 -boundary_parameter model_gamma -boundary_from 2.9 -boundary_to 3.1 -boundary_parameter2 model_v "
         "-boundary_from2 0.8 -boundary_to2 1 -boundary_points 4 -out_file b.h5", command="boundary")
     for files in (["t.h5"], ["b.h5", "t.h5"]):  # with the axes the other way round, too
-        plot = ["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), *files, "-o", "d.png"]
-        done = subprocess.run(plot, capture_output=True, text=True)
+        done = tool("plot.py", *files, "-o", "d.png")
         check(done.returncode == 0 and os.path.getsize("d.png") > 5000, done.stderr)
 
 

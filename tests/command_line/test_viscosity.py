@@ -4,6 +4,7 @@ import math
 import h5py
 import numpy as np
 
+import hill
 from calls import check, data, refused, run, scene_file
 from reference import System, read, waves
 
@@ -184,33 +185,12 @@ def test_trains_are_of_third_order():
     check("no train" in said, said)
 
 
-def ring_eigenvalues(path, gamma, delta, v, nu, n):
-    """Speed of the train of a file and all eigenvalues of its ring: trigonometric polynomials on n points, the train solved
-    for again, one dense matrix in the frame of the train (c = 1)."""
-    with h5py.File(path) as f:
-        x, V, length = f["x"][:], float(f.attrs["speed"]), float(f.attrs["length"])
-        grid = np.arange(n) * length / n
-        psi, eta = (np.interp(grid, x, f[name][:]) for name in ("psi", "eta"))
-    k, waves, one = 2 * np.pi * np.fft.fftfreq(n, 1 / n) / length, np.fft.fft(np.eye(n), axis=0), np.eye(n)
-    D, D2 = (np.real(np.fft.ifft(s[:, None] * waves, axis=0)) for s in (1j * k, -k**2))
-    for _ in range(20):
-        lab = gamma * (eta - psi**3 / 3 + psi) + nu * D2 @ psi
-        residual = np.concatenate([lab + V * D @ psi, (v - psi + D2 @ psi - delta * lab) / gamma + V * D @ eta, [psi[0] - v]])
-        force = nu * D2 - np.diag(gamma * (psi**2 - 1))
-        J = np.block([[force + V * D, gamma * one], [(D2 - one - delta * force) / gamma, V * D - delta * one]])
-        bordered = np.block([[J, np.concatenate([D @ psi, D @ eta])[:, None]], [np.eye(1, 2 * n), np.zeros((1, 1))]])
-        step = np.linalg.solve(bordered, -residual)
-        psi, eta, V = psi + step[:n], eta + step[n:-1], V + step[-1]
-        if np.abs(step).max() < 1e-10:
-            return V, np.linalg.eigvals(J)
-    raise AssertionError("the train of the file is none")
-
-
 def test_spectrum_of_a_train():
     # every eigenvalue, and how many there are right of the line, from a dense matrix that shares nothing with the search
     s, _ = run("-model_nu 0.3 -wave_pulses 2 -wave_length 15 -wave_spectrum -spectrum_count 30 -out_file q.h5", command="wave")
-    V, values = ring_eigenvalues("q.h5", 3, 0.2, 0.2, 0.3, 101)
-    check(abs(V - s["speed"]) < 1e-9, f"speed {s['speed']}, {V} by trigonometric polynomials")
+    train = hill.Train({"model_nu": 0.3}, s["speed"], *hill.one_pulse("q.h5", s), s["period"], 101, graded=False)
+    check(abs(train.period / s["period"] - 1) < 1e-9, f"period {s['period']}, {train.period} by trigonometric polynomials")
+    values = np.concatenate([train.eigenvalues(theta) for theta in (0, np.pi)])
     found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
     line = float(s["completeness_check"].split("Re = ")[1].split(",")[0])
     right = [z for z in values if z.real > line]

@@ -1,18 +1,17 @@
 """postprocess/xdmf.py: what it writes names every frame of a run (ParaView itself reads it in tests/in_paraview.py)."""
 import os
-import subprocess
 import xml.etree.ElementTree as xml
 
 import h5py
 
-from calls import SOURCE, run
+from calls import SOURCE, run, tool
 
 SCRIPT = os.path.join(SOURCE, "postprocess", "xdmf.py")
 
 
 def test_every_frame_is_named():
     run("-grid_n 32 -init_type sine -ts_max_time 1 -out_frames 4 -state_law ageing -friction_law rate-and-state -out_file a.h5")
-    done = subprocess.run(["/usr/bin/python3", "-B", SCRIPT, "a.h5"], capture_output=True, text=True)
+    done = tool("xdmf.py", "a.h5")
     assert done.returncode == 0 and done.stdout == "a.xdmf\n", done.stderr
     grids = xml.parse("a.xdmf").getroot().findall("Domain/Grid/Grid")
     with h5py.File("a.h5") as file:
@@ -28,5 +27,5 @@ def test_every_frame_is_named():
 def test_a_file_of_another_kind_is_refused():
     with open("notes.txt", "w", encoding="utf-8") as file:
         file.write("no")
-    done = subprocess.run(["/usr/bin/python3", "-B", SCRIPT, "notes.txt"], capture_output=True, text=True)
+    done = tool("xdmf.py", "notes.txt")
     assert done.returncode == 2 and done.stderr.startswith("xdmf.py: notes.txt: ") and done.stderr.count("\n") == 1

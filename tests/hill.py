@@ -10,9 +10,10 @@ In the frame xi = t - x/V, one period T of (psi, eta[, s]) obeys R(u) = 0,
 and the matrix of Hill is the derivative of R at the train, with d/dxi + i theta/T for d/dxi in a wave of Bloch factor
 exp(i theta). The samples stand closer where the train is steep: equal steps of a smooth periodic function of the phase.
 """
+import h5py
 import numpy as np
 
-from reference import Law
+from reference import DEFAULTS, Law
 
 
 def fourier(n):
@@ -25,14 +26,27 @@ def fourier(n):
     return D
 
 
+def one_pulse(path, summary):
+    """Phases in [0, 1) and the unknowns there, s as it is integrated."""
+    with h5py.File(path) as file:
+        x, columns = file["x"][...] * summary["pulses"] / summary["length"], [file["psi"][...], file["eta"][...]]
+        columns += [np.log(file[name][...]) if name == "theta" else file[name][...] for name in ("theta", "tau") if name in file]
+    inside = x < 1 + 1e-12
+    phase = x[inside] if summary["speed"] < 0 else 1 - x[inside]
+    phase, first = np.unique(np.clip(phase, 0, 1), return_index=True)
+    return phase[phase < 1], np.array([c[inside][first] for c in columns]).T[phase < 1]
+
+
 class Train:
     """The train nearest to samples (phase rising in [0, 1), unknowns) of period T, on n points: u, period, residual."""
 
-    def __init__(self, p, speed, phase, samples, period, n):
-        self.p, self.V, self.n, self.d = p, speed, n, samples.shape[1]
-        self.law = Law(p)
+    def __init__(self, p, speed, phase, samples, period, n, graded=True):
+        p = self.p = DEFAULTS | p
+        self.V, self.n, self.d, self.law = speed, n, samples.shape[1], Law(p)
         self.sd = p["model_delta"] * (-1 if p.get("model_delta_sign") == "printed" else 1)
-        self.grade(phase, samples)
+        self.phase, self.D = np.arange(n) / n, fourier(n)
+        if graded:
+            self.grade(phase, samples)
         u = np.array([np.interp(self.phase, np.append(phase, 1), np.append(column, column[0])) for column in samples.T])
         u, self.period = u.ravel(), period
         anchor, psi0 = 0, u[0]
