@@ -12,6 +12,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/study/medium_lines.hpp"
 
 using namespace stickslip;
@@ -295,6 +296,24 @@ TEST_CASE("a branch finds where waves begin to grow", "[cycle][serial]") {
   const BlochSpectrum touching = bloch_spectrum(uniform_cycle(at(finite.value)), 60);
   CHECK(std::abs(touching.largest_of_finite) < 1e-8);
   CHECK(touching.diffusion > 0);
+}
+
+TEST_CASE("a branch finds where a quantity of one's own passes zero", "[cycle][serial]") {
+  const auto at = [](double v) { return undamped(1, v); };
+  const CycleWatch watch = [](double, const Cycle& cycle) {
+    Watched seen;
+    seen.tests["amplitude-2"] = cycle.amplitude - 2;
+    return seen;
+  };
+  const CycleBranch branch = branch_in_v(at, 0.05, 0.4, 20, watch);
+  const SpecialPoint* found = find(branch, "amplitude-2");
+  REQUIRE(found);
+  CHECK(branch.special.size() == 1);
+  // independent: cycles solved for one by one
+  const auto above = [&](double v) { return uniform_cycle(at(v)).cycle.amplitude - 2; };
+  const double root = find_root(above, {0.05, above(0.05), 0.4, above(0.4)}, 1e-11);
+  CHECK(std::abs(found->value - root) < 1e-8 * (0.4 - 0.05));
+  CHECK(found->period == Approx(uniform_cycle(at(root)).cycle.period).epsilon(1e-8));
 }
 
 TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle][serial]") {

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import subprocess
+import textwrap
 
 import numpy as np
 import pytest
@@ -40,17 +41,18 @@ def test_the_page_shows_the_file(name):
     assert code in text
 
 
-def test_the_page_shows_the_lines_of_a_term():
-    """Those of the drag are the source's own."""
+def test_the_page_shows_the_lines_of_the_source():
+    """Those of the drag and of the special point are the source's own, but for how far they stand to the right."""
     with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         text = page.read()
     for name, begin, end in (("include/stickslip/model/node_terms.hpp", "struct NodeTerms {", "\n};"),
-                             ("src/options/option_table.cpp", 't.not_negative("model_drag"', ";")):
+                             ("src/options/option_table.cpp", 't.not_negative("model_drag"', ";"),
+                             ("tests/test_cycle.cpp", "  const CycleWatch watch = [](double,", '"amplitude-2");')):
         with open(os.path.join(SOURCE, name), encoding="utf-8") as file:
             source = file.read()
         lines = source[source.index(begin):]
         lines = lines[:lines.index(end) + len(end)]
-        assert name in text and "\n".join(("    " + line).rstrip() for line in lines.splitlines()) in text, name
+        assert name in text and textwrap.indent(textwrap.dedent(lines), "    ") in text, name
 
 
 def test_where_a_term_stands():
