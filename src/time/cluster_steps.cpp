@@ -14,6 +14,7 @@ using namespace stick_rule;
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr PetscInt at_a_time = 1024;                          // nodes
 constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by the last one
 
 }  // namespace
@@ -83,12 +84,18 @@ void ClusterSteps::close_ends(const Cluster& c, double* psi) const {
 }
 
 void ClusterSteps::take_slope(Cluster& c, double t, double* u, double* f) {
-  const std::size_t psi = c.place(0), eta = c.place(1), state = c.place(dof_ - 1);
-  const auto count = std::size_t(c.count);
+  close_ends(c, u + c.place(0));
+  slope_of(c, t, u, f, {0, c.count});
+  ++evaluations;
+}
+
+// Of some nodes; what lies beyond the ends is known.
+void ClusterSteps::slope_of(const Cluster& c, double t, double* u, double* f, Part nodes) {
+  const auto from = std::size_t(nodes.begin), count = std::size_t(nodes.end - nodes.begin);
+  const std::size_t psi = c.place(0) + from, eta = c.place(1) + from, state = c.place(dof_ - 1) + from;
   kernel::Coefficients coefficients = coefficients_;
   if (loaded_) coefficients.v = scene_.load.in_piece(scene_.load.piece_from(c.t0), t);
-  close_ends(c, u + psi);
-  if (links_.empty()) stencil_(coefficients, {u + psi, f + eta, c.count});
+  if (links_.empty()) stencil_(coefficients, {u + psi, f + eta, PetscInt(count)});
   const double* driving = u + eta;
   if (N_ > 0) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
     d2_.assign(f + eta, f + eta + count);
@@ -99,27 +106,26 @@ void ClusterSteps::take_slope(Cluster& c, double t, double* u, double* f) {
     }
     driving = forces_[0].data();
   }
-  for (PetscInt k = 0, end; k < c.count; k = end) {  // the nodes of a ring go on at its beginning
-    const PetscInt i = node(c, k);
-    end = std::min(c.count, k + scene_.n - i);
-    if (!links_.empty()) stencil_(coefficients, {u + psi + k, f + eta + k, end - k, i});
-    pointwise_(coefficients, {u + psi + k, driving + k, dof_ == 3 ? u + state + k : nullptr,
-                              c.amplitude.empty() ? nullptr : &c.amplitude[k], f + psi + k, f + eta + k,
-                              dof_ == 3 ? f + state + k : nullptr, end - k, &c.direction[k], i});
+  for (PetscInt k = nodes.begin, end; k < nodes.end; k = end) {  // of a ring they go on at its beginning
+    const PetscInt i = node(c, k), at = k - nodes.begin;
+    end = std::min(nodes.end, k + scene_.n - i);
+    if (!links_.empty()) stencil_(coefficients, {u + psi + at, f + eta + at, end - k, i});
+    pointwise_(coefficients, {u + psi + at, driving + at, dof_ == 3 ? u + state + at : nullptr,
+                              c.amplitude.empty() ? nullptr : &c.amplitude[k], f + psi + at, f + eta + at,
+                              dof_ == 3 ? f + state + at : nullptr, end - k, &c.direction[k], i});
   }
   for (std::size_t k = 0; k < count && N_ > 0; ++k) f[eta + k] += K1_ * d2_[k];
   for (const PetscInt i : {PetscInt(0), scene_.n - 1}) {
-    const PetscInt k = i - c.first;
-    if (!scene_.held(i) || k < 0 || k >= c.count) continue;
-    f[psi + std::size_t(k)] = 0;
-    if (scene_.form == Form::continuum) f[eta + std::size_t(k)] = 0;
+    const PetscInt at = i - c.first - nodes.begin;
+    if (!scene_.held(i) || at < 0 || at >= PetscInt(count)) continue;
+    f[psi + std::size_t(at)] = 0;
+    if (scene_.form == Form::continuum) f[eta + std::size_t(at)] = 0;
   }
-  ++evaluations;
 }
 
-// base + factor sum_j weights[j] slope_j, over all columns.
+// base + factor sum_j weights[j] slope_j, of all unknowns of some nodes.
 void ClusterSteps::sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
-                       double* into) const {
+                       double* into, Part nodes) const {
   constexpr int most_terms = 8;  // of rk:5dp there are seven
   const double* slopes[most_terms];
   double of_slopes[most_terms];
@@ -129,26 +135,61 @@ void ClusterSteps::sum(const Cluster& c, const double* base, const double* weigh
     slopes[terms] = c.block(Cluster::slopes + j);
     of_slopes[terms++] = factor * weights[j];
   }
-  add_({base, slopes, of_slopes, terms, into, PetscInt(c.size)});
+  if (nodes.end - nodes.begin == c.count)
+    return add_({base, slopes, of_slopes, terms, into, PetscInt(c.size)});
+  for (int d = 0; d < dof_; ++d) {
+    const double* of_part[most_terms];
+    const std::size_t at = c.place(d) + std::size_t(nodes.begin);
+    for (int j = 0; j < terms; ++j) of_part[j] = slopes[j] + at;
+    add_({base + at, of_part, of_slopes, terms, into + at, nodes.end - nodes.begin});
+  }
 }
 
-// Tries a step; its error over what is allowed.
+// Calls body for nodes from begin to end, which may lie beyond the ends of the cluster: one that goes round the
+// ring goes on at its other end.
+template <class Body>
+void ClusterSteps::for_parts(const Cluster& c, PetscInt begin, PetscInt end, const Body& body) const {
+  const PetscInt n = c.count;
+  if (end - begin >= n) return body(Part{0, n});
+  const bool round = scene_.ring() && n == scene_.n;
+  if (round && begin < 0) body(Part{begin + n, n});
+  body(Part{std::max(begin, PetscInt(0)), std::min(end, n)});
+  if (round && end > n) body(Part{0, end - n});
+}
+
+// Tries a step; its error over what is allowed. Of many nodes some at a time go through all stages, in the
+// cache, and those beside them that later stages look at go along (as in fused_step.hpp).
 double ClusterSteps::attempt(Cluster& c, double dt) {
-  const int stages = tableau_.stages;
-  const double* const u = c.block(Cluster::now);
   if (!c.begun) take_slope(c, c.t0, c.block(Cluster::now), c.block(Cluster::slopes));
   c.begun = true;
+  double largest = 0;
+  const PetscInt parts = (c.count + at_a_time - 1) / at_a_time, nodes = (c.count + parts - 1) / parts;
+  for (PetscInt begin = 0; begin < c.count && largest < infinity; begin += nodes)
+    largest = std::max(largest, attempt(c, dt, {begin, std::min(begin + nodes, c.count)}));
+  evaluations += tableau_.stages - 1;
+  return largest;
+}
+
+double ClusterSteps::attempt(Cluster& c, double dt, Part nodes) {
+  const int stages = tableau_.stages;
+  const double* const u = c.block(Cluster::now);
   for (int i = 1; i < stages; ++i) {  // the last stage is the new u
     double* const y = c.block(i + 1 < stages ? Cluster::stage : Cluster::next);
-    sum(c, u, &tableau_.A[i * stages], i, dt, y);
-    take_slope(c, c.t0 + stage_times_[i] * dt, y, c.block(Cluster::slopes + i));
+    const PetscInt beside = (stages - 1 - i) * reach_;
+    for_parts(c, nodes.begin - beside - reach_, nodes.end + beside + reach_,
+              [&](Part part) { sum(c, u, &tableau_.A[i * stages], i, dt, y, part); });
+    close_ends(c, y + c.place(0));
+    for_parts(c, nodes.begin - beside, nodes.end + beside, [&](Part part) {
+      slope_of(c, c.t0 + stage_times_[i] * dt, y, c.block(Cluster::slopes + i), part);
+    });
   }
   double *const error = c.block(Cluster::stage), largest = 0, not_finite = 0;
   const double* const next = c.block(Cluster::next);
-  std::fill(error, error + c.size, 0.);
-  sum(c, error, error_weights_.data(), stages, dt, error);
+  for (int d = 0; d < dof_; ++d) std::fill_n(error + c.place(d) + nodes.begin, nodes.end - nodes.begin, 0.);
+  sum(c, error, error_weights_.data(), stages, dt, error, nodes);
   for (int d = 0; d < dof_; ++d)
-    for (std::size_t k = c.place(d); k < c.place(d) + std::size_t(c.count); ++k) {
+    for (std::size_t k = c.place(d) + std::size_t(nodes.begin); k < c.place(d) + std::size_t(nodes.end);
+         ++k) {
       largest = std::max(largest,
                          std::abs(error[k]) / (atol_ + rtol_ * std::max(std::abs(u[k]), std::abs(next[k]))));
       not_finite += next[k] - next[k];
@@ -191,8 +232,8 @@ void ClusterSteps::take(Cluster& c) {
 
 void ClusterSteps::accept(Cluster& c) const {
   const int last = Cluster::slopes + tableau_.stages - 1;
-  std::swap_ranges(c.block(Cluster::now), c.block(Cluster::now) + c.size, c.block(Cluster::next));
-  std::swap_ranges(c.block(Cluster::slopes), c.block(Cluster::slopes) + c.size, c.block(last));
+  c.swap(Cluster::now, Cluster::next);
+  c.swap(Cluster::slopes, last);
   // behind a corner the slope is another one
   c.begun = !loaded_ || scene_.load.piece_from(c.t1) == scene_.load.piece_from(c.t0);
   c.t0 = c.t1;
@@ -201,7 +242,7 @@ void ClusterSteps::accept(Cluster& c) const {
 
 void ClusterSteps::interpolate(const Cluster& c, double part, double* into) const {
   const std::vector<double> weights = method_->weights_at(part, c.dt);
-  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into);
+  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into, {0, c.count});
 }
 
 void ClusterSteps::at(const Cluster& c, double t, double* into) const {

@@ -23,7 +23,8 @@ struct Cluster {
   PetscInt first, count, reach;
   std::size_t stride, size;  // of a column, of a block
   std::vector<double> blocks, direction, amplitude;
-  std::vector<double> limit;  // without a state: the threshold
+  std::vector<std::size_t> begins;  // of each block
+  std::vector<double> limit;        // without a state: the threshold
   // of the step under way: as it was tried first, and as it was taken, but for where it is cut
   double t0 = 0, tried = 0, dt = 0;
   // where it ends, and the next one's length
@@ -33,9 +34,12 @@ struct Cluster {
 
   Cluster(PetscInt first_node, PetscInt nodes, int dof, PetscInt stencil_reach, int stages)
       : first(first_node), count(nodes), reach(stencil_reach), stride(std::size_t(nodes + 2 * stencil_reach)),
-        size(stride * std::size_t(dof)), blocks(size * std::size_t(slopes + stages + 1)), direction(nodes) {}
-  double* block(int b) { return &blocks[size * std::size_t(b)]; }
-  const double* block(int b) const { return &blocks[size * std::size_t(b)]; }
+        size(stride * std::size_t(dof)), blocks(size * std::size_t(slopes + stages + 1)), direction(nodes) {
+    for (std::size_t begin = 0; begin < blocks.size(); begin += size) begins.push_back(begin);
+  }
+  double* block(int b) { return &blocks[begins[std::size_t(b)]]; }
+  const double* block(int b) const { return &blocks[begins[std::size_t(b)]]; }
+  void swap(int one, int other) { std::swap(begins[std::size_t(one)], begins[std::size_t(other)]); }
   std::size_t place(int unknown) const { return std::size_t(unknown) * stride + std::size_t(reach); }
   // Of a block: psi (0), eta (1), the state (2) of its nodes.
   double* column(int b, int unknown) { return block(b) + place(unknown); }
@@ -80,9 +84,16 @@ class ClusterSteps {
  private:
   void close_ends(const Cluster& c, double* psi) const;
   static double beyond(const Cluster& c, const double* psi, const Combination& nodes);
+  struct Part {  // of its nodes, or of a block
+    PetscInt begin, end;
+  };
+  template <class Body>
+  void for_parts(const Cluster& c, PetscInt begin, PetscInt end, const Body& body) const;
   void sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
-           double* into) const;
+           double* into, Part nodes) const;
+  void slope_of(const Cluster& c, double t, double* u, double* f, Part nodes);
   double attempt(Cluster& c, double dt);
+  double attempt(Cluster& c, double dt, Part nodes);
   const double* forces(Cluster& c, int block, std::size_t number);
   double limit_at(const Cluster& c, PetscInt k, const double* u) const;
   void find_candidates(Cluster& c, double dt);
