@@ -109,7 +109,8 @@ struct Start::Impl {
   enum class Kind { uniform, sine, layer, pulses, wave, file };  // asked for at every node
   std::string type;
   Kind kind = Kind::uniform;
-  bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false, psi_steady;
+  bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false, psi_steady,
+                                                                        noise_of_eta;
   double psi_given, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
   PetscInt seed, mode;
   Orbit orbit;
@@ -118,9 +119,10 @@ struct Start::Impl {
 
   Impl(const Scene& s, const Options& o)
       : type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
-        psi_steady(o.text("init_psi") == "steady"), psi_given(psi_steady ? s.v : o.real("init_psi")),
-        noise(o.real("init_noise")), noise_length(o.real("init_noise_length")),
-        amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
+        psi_steady(o.text("init_psi") == "steady"), noise_of_eta(o.text("init_noise_of") == "eta"),
+        psi_given(psi_steady ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
+        noise_length(o.real("init_noise_length")), amplitude(o.real("init_amplitude")),
+        seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_file = type == "file" || type == "text";
     for (const auto& [name, same] : {std::pair{"sine", Kind::sine},
                                      {"layer", Kind::layer},
@@ -141,6 +143,8 @@ struct Start::Impl {
       throw UsageError("init_psi " + o.text("init_psi") + " with init_eta " + o.text("init_eta") +
                        ": with model_m 0 one follows from the other; give one of them (init_eta: psi is its "
                        "nearest to 0.1)");
+    if (s.massless() && noise_of_eta && noise != 0)
+      throw UsageError("init_noise_of eta: with model_m 0 eta follows from psi, to which noise is added");
     if (!eta_steady) eta = o.real("init_eta");
     if (s.friction.has_state()) {
       state_steady = o.text("init_state") == "steady";
@@ -226,7 +230,8 @@ struct Start::Impl {
       double psi = psi_at(s, length, node, base);
       const bool held_end = s.form == Form::continuum && model.held(node) && !from_eigenvector;
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
-      if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
+      const double drawn = noise != 0 && !held_end ? noise * noise_at(s, noise_length, seed, node) : 0;
+      if (drawn != 0 && !noise_of_eta) psi += drawn;
       at[0] = psi;
       const double phase = turns != 0 ? turns * s.x(node) / length : 0,
                    here = dof == 3 ? state_at(model, phase, node, psi) : 0;
@@ -235,6 +240,7 @@ struct Start::Impl {
       const double resistance =
           follows_friction || held_end ? model.coefficients(i).B * psi + model.friction(i, psi, here).F : 0;
       at[1] = eta_at(phase, node, resistance);
+      if (noise_of_eta) at[1] += drawn;
       if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
     }
     return has_state;

@@ -139,3 +139,13 @@ def test_no_steady_sliding_is_said():
     s, _ = run("-grid_n 32 -bc_left velocity -bc_left_value 0 -model_v 1 -friction_law rate-and-state -init_psi steady "
                "-ts_max_time 0.1")
     check(any("no steady sliding" in w for w in s["warnings"]), s["warnings"])
+
+
+def test_noise_of_either():
+    # The same draw, added to what the start is without it; a chain at rest with eta uniform on [0, 1] has it in eta.
+    chain = "-model_form chain -grid_n 50 -friction_law coulomb -init_psi 0 -init_eta 0.5 -init_noise 0.5 -ts_max_time 0 -out_frames 2 -out_file start.h5"
+    _, of_psi = first(chain)
+    _, of_eta = first(chain + " -init_noise_of eta")
+    check(np.allclose(of_eta["eta"] - 0.5, of_psi["psi"], rtol=0, atol=1e-15) and not of_eta["psi"].any(), "the draw of psi")
+    check(0 <= of_eta["eta"].min() < 0.1 and 0.9 < of_eta["eta"].max() <= 1 and np.all(of_psi["eta"] == 0.5), "uniform on [0, 1]")
+    refused("-model_form chain -model_m 0 -model_zeta 1 -grid_n 5 -init_noise 0.1 -init_noise_of eta -ts_max_time 1", 2, "init_noise_of")
