@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from calls import check, run
 from reference import System
 
-ON = " -stick_clusters on"
+ON, OFF = " -stick_clusters on", " -stick_clusters off"
 
 
 def catalogue(path):
@@ -69,7 +69,7 @@ def events_alike(given, loading):
     energies, and in times, at which eta comes to a threshold (of each node's first slip, too), to that over the rate of
     loading. And how many there are. What the two err by, some 1e-10 a step, grows from event to event, as the motion is chaotic,
     but by no jumps: the first event that does not agree so far does to ten thousand times as much."""
-    run(given + " -out_file whole.h5")
+    run(given + OFF + " -out_file whole.h5")
     summary, _ = run(given + ON + " -out_file own.h5")
     whole, own = catalogue("whole.h5"), catalogue("own.h5")
     check(summary["events"] == len(own["t"]), f"events {summary['events']}: {given}")

@@ -33,7 +33,7 @@ BEFORE = "afad5df366fc"  # before-house: what a rebuilt program has to equal
 NEVER = re.compile(r"(^|/)(wall_s|\w*seconds|events_per_s|git|version|date|command_line|cost|revision)(/\d+)?$")
 BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^chart$", r"/(best|recommended|cost)\b", np.inf, "which row is fastest is measured"),
-    (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error|clusters|node_steps|psi_loaded_mean|recurrence)(@/\w+)?\b", np.inf, "added"),
+    (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error|clusters|clusters_reason|node_steps|psi_loaded_mean|recurrence)(@/\w+)?\b", np.inf, "added"),
     (r"", r"(^|/)events[./](magnitude10|recurrence|recurrence_of_nodes|last_of_nodes)(@|/|$)", np.inf, "added"),
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
     (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last; laws were added"),

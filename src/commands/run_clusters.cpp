@@ -25,6 +25,7 @@ std::string Run::no_clusters() const {
   for (const auto& given : options_.library())
     if (given.first.rfind("ts_adapt_", 0) == 0 || given.first.rfind("ts_monitor", 0) == 0)
       return "each cluster has its own steps, to which -" + given.first + " does not apply";
+  if (!options_.boolean("rk_fused")) return "rk_fused false asks for the library's own steps";
   for (const char* name : {"accuracy", "out_maxima"})
     if (options_.is_set(name)) return std::string(name) + " looks at every step of the whole medium";
   if (options_.integer("lyapunov_count") > 0) return "lyapunov_count follows deviations of the whole medium";

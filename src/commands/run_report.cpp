@@ -40,13 +40,13 @@ Columns<RunWork> work_columns(bool ran) {
       {"rejections", "1", "steps taken back for their error", &RunWork::rejections},
       {"rhs_evaluations", "1", "evaluations of the right-hand side, or of a part of it where steps are split",
        &RunWork::rhs_evaluations},
-      {"clusters", "1", "with `stick_clusters`: most clusters at once, whose steps are counted then",
+      {"clusters", "1",
+       "where only what slides is advanced: most clusters at once, whose steps are counted then",
        &RunWork::clusters},
       {"clusters_reason", "",
        "where friction sticks exactly: null, or why each step is one of the whole medium",
        [](W w) { return w.no_clusters.empty() ? Json() : Json(w.no_clusters); }},
-      {"node_steps", "1", "with `stick_clusters`: steps, each times the nodes of its cluster",
-       &RunWork::node_steps}};
+      {"node_steps", "1", "then: steps, each times the nodes of its cluster", &RunWork::node_steps}};
   return (ran ? of_run : Columns<RunWork>()) +
          Columns<RunWork>{
              {"method", "", "type and tableau, `rk:5dp`", [](W w) { return w.report.method; }},

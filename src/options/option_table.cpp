@@ -176,8 +176,10 @@ void start_options(OptionTableBuilder& t) {
       .where("init_type", {"pulses", "wave"});
   t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel")
       .where("init_type", {"pulses", "wave"});
-  t.not_negative("init_noise", "0", "amplitude of noise added to psi, uniform on [-1, 1] times this",
+  t.not_negative("init_noise", "0",
+                 "amplitude of noise added to psi (init_noise_of), uniform on [-1, 1] times this",
                  "velocity");
+  t.choice("init_noise_of", {"psi", "eta"}, "what the noise is added to").where_not_zero("init_noise");
   t.not_negative(
        "init_noise_length", "1",
        "distance between its independent values, with a smooth course between them; 0: one value a node, "
@@ -225,9 +227,9 @@ void time_options(OptionTableBuilder& t) {
       "rk_fused", "true",
       "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
       "cache; false: PETSc's own step");
-  t.choice("stick_clusters", {"off", "auto", "on"},
-           "friction that sticks exactly: on advances only what slides, each cluster by its own steps; auto: "
-           "where that can be had and may pay")
+  t.choice("stick_clusters", {"auto", "on", "off"},
+           "friction that sticks exactly: auto advances only what slides, each cluster by its own steps, "
+           "where that can be had; on refuses to run elsewhere; off: steps of the whole medium")
       .idle_of(no_threshold)
       .read_by("run");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");

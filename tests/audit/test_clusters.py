@@ -3,7 +3,7 @@ two, and the means of long runs."""
 import numpy as np
 
 from calls import check, run, scene_file
-from cluster_scenes import ON, catalogue, drawn_scene, events_alike
+from cluster_scenes import OFF, ON, catalogue, drawn_scene, events_alike
 
 
 def test_events_of_random_scenes(scenes):
@@ -17,7 +17,7 @@ def test_events_of_random_scenes(scenes):
 
 def test_means_of_long_runs():
     # Moments of events are far from normal: the means of eight runs each, by their scatter.
-    means = {"": [], ON: []}
+    means = {OFF: [], ON: []}
     for seed in range(1, 9):
         for how, found in means.items():
             run(scene_file("catalogue") + f" -grid_n 100 -ts_max_time 6000 -init_seed {seed} -out_frames 2 -out_file m.h5" + how)

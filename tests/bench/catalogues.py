@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts FILE.h5 ...,
-of many. Tables of docs/published.md:  decades | large | classes FILE.h5 ..., of many; its picture: picture PNG FILE.h5 ...
+"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts | sigma | waiting
+FILE.h5 ..., of many. Tables of docs/published.md:  decades | large | classes FILE.h5 ..., of many; its picture: picture PNG FILE.h5 ...
 
-b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out, of the
-tables of docs/published.md the first six. decades: b on four decades of moment, which begin at e times that of a block
+b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out, for sigma
+and waiting the first two, for alpha and the tables of docs/published.md the first six. waiting: from one event of magnitude 2
+or more to the next, anywhere and at a block (of every tenth), by their mean. decades: b on four decades of moment, which begin at e times that of a block
 that slips between blocks at rest, and on each of them. large: events beyond the hollow, which is the least filled bin of
 one unit of magnitude, from the beginning of those four decades to the bin that
 holds most of the moment. classes: blocks, slip and speed of the events of two units of magnitude each; speed is extent over
@@ -28,7 +29,7 @@ def within(m, low, high):
 
 
 def row(path, kind):
-    run = read(path, 1)
+    run = read(path, 6 if kind == "alpha" else 1)
     m, extent, options = magnitudes(run), run["events"]["extent"], run["options"]
     b, error = fit(m, LOW, HIGH)[:2]
     ratio = within(m, 2, 5) / within(m, -1, 2)
@@ -56,6 +57,37 @@ def cuts(paths):
     yield ["smallest event", *(f"alpha = {alpha}" for alpha in found)]
     for low in sorted(next(iter(found.values()))):
         yield [low, *(f"{c[low]['b']:.2f} [{c[low]['interval'][0]:.2f}, {c[low]['interval'][1]:.2f}]" for c in found.values())]
+
+
+def over_sigma(paths):
+    for sigma, runs in ensembles([read(path, 2) for path in paths], "friction_sigma"):
+        fits = [fit(magnitudes(run), LOW, HIGH)[0] for run in runs]
+        m = np.concatenate([magnitudes(run) for run in runs])
+        yield [sigma, len(m), mean_and_interval(fits), f"{np.mean(m >= HIGH):.3f}",
+               f"{max(run['events']['extent'].max() for run in runs):g}"]
+
+
+def waits(run, anywhere):
+    """Times from the beginning of one large event to that of the next."""
+    e = run["events"]
+    order = np.argsort(e["begin"])
+    left, extent, begin = (e[name][order][magnitudes(run)[order] >= 2] for name in ("left", "extent", "begin"))
+    if anywhere:
+        return np.diff(begin)
+    return np.concatenate([np.diff(begin[(left <= x) & (x < left + extent)]) for x in run["x"][::10]])
+
+
+def waiting(paths):
+    """Means over the runs; the last row is that of events at random."""
+    parts = (0.1, 0.5, 1, 1.5, 2, 3)
+    yield ["large events", "times", "mean", "variation", *(f"below {part} means" for part in parts)]
+    runs = [read(path, 2) for path in paths]
+    for name, anywhere in (("anywhere in the chain", True), ("at a block", False)):
+        times = [waits(run, anywhere) for run in runs]
+        yield [name, sum(map(len, times)), mean_and_interval([t.mean() for t in times]),
+               mean_and_interval([t.std() / t.mean() for t in times]),
+               *(mean_and_interval([np.mean(t < part * t.mean()) for t in times]) for part in parts)]
+    yield ["at random", "", "", 1, *(f"{-np.expm1(-part):.3f}" for part in parts)]
 
 
 def slip_of_a_lone_block(options):
@@ -157,14 +189,15 @@ HEADS = {"size": ["n (alpha = 2)", *MANY], "loading": ["nu (n = 100)", *MANY],
          "large": ["alpha", "events", "hollow", "beyond it", "their part of the moment", "rise behind the hollow",
                    "blocks: median, most", "slip of a block, median"],
          "classes": ["magnitude", "events", "blocks: median, most", "slip of a block, median", "extent/(duration c)"],
+         "sigma": ["sigma", "events", "b on [-3.5, -0.5]", "part above -0.5", "largest extent"],
          "spread": ["spread", "events", "b on [-3.5, -0.5]", "ratio of 2..5 to -1..2", "largest extent"]}
 
 
 def table(kind, paths):
-    if kind == "cuts":
-        return list(cuts(paths))
-    if kind in ("decades", "large", "classes"):
-        return [HEADS[kind], *{"decades": decades, "large": large, "classes": classes}[kind](paths)]
+    if kind in ("cuts", "waiting"):
+        return list({"cuts": cuts, "waiting": waiting}[kind](paths))
+    if kind in ("decades", "large", "classes", "sigma"):
+        return [HEADS[kind], *{"decades": decades, "large": large, "classes": classes, "sigma": over_sigma}[kind](paths)]
     option = {"size": "grid_n", "loading": "model_v"}.get(kind)
     return [HEADS[kind], *(ensembles_by(paths, option) if option else (row(path, kind) for path in paths))]
 

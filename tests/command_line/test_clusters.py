@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calls import call, check, data, line, refused, run, same
-from cluster_scenes import ON, catalogue, drawn_scene, events_alike, lone_slip, start_file
+from cluster_scenes import OFF, ON, catalogue, drawn_scene, events_alike, lone_slip, start_file
 from reference import options
 
 CARLSON = ("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_sigma 0.01"
@@ -34,7 +34,7 @@ def test_the_work_of_friction_with_a_state_is_of_fourth_order():
     # friction itself. With a state that is the mean of a step's ends in its middle the two are 1e-7 apart here, of second order.
     given, _ = drawn_scene(np.random.default_rng([39, 7]))
     check("state_law healing" in given, given)
-    run(given + " -out_file whole.h5")
+    run(given + OFF + " -out_file whole.h5")
     run(given + ON + " -out_file own.h5")
     whole, own = (catalogue(name)["friction_work"][:6] for name in ("whole.h5", "own.h5"))
     check(len(whole) == 6 and np.abs(whole / own - 1).max() < 2e-8, f"{whole / own - 1}")
@@ -83,7 +83,7 @@ def test_frames_change_nothing_and_lie_in_the_steps():
     given += " -ts_rtol 1e-10 -ts_atol 1e-10" + start_file(np.random.default_rng(5).uniform(0, 0.7, 60))
     few, _ = run(given + ON + " -out_frames 2 -out_file few.h5")
     many, _ = run(given + ON + " -out_frames 61 -out_file many.h5")
-    run(given + " -out_frames 61 -out_file whole.h5")
+    run(given + OFF + " -out_frames 61 -out_file whole.h5")
     check([few[k] for k in ("steps", "rejections", "node_steps", "clusters")] ==
           [many[k] for k in ("steps", "rejections", "node_steps", "clusters")], "the same run")
     for name, column in catalogue("few.h5").items():
@@ -113,7 +113,7 @@ def test_rows_are_those_of_whole_steps():
         given = CARLSON.replace("-out_frames 2 ", "").replace("-out_series false", "") + more
         given += " -model_k1 9 -model_v 0.01 -grid_n 60 -bc_left free -ts_max_time 42 -ts_rtol 1e-11 -ts_atol 1e-11 -out_displacement"
         given += " -out_frames 12 -out_probes 30,31" + start_file(np.random.default_rng(5).uniform(0, 0.7, 60))
-        whole_run, _ = run(given + " -stick_clusters off -out_file whole.h5")
+        whole_run, _ = run(given + OFF + " -out_file whole.h5")
         own_run, _ = run(given + ON + " -out_file own.h5")
         whole, own = rows("whole.h5", "series"), rows("own.h5", "series")
         changes = np.unique(np.r_[catalogue("own.h5")["begin"], catalogue("own.h5")["t"]])
@@ -148,7 +148,7 @@ def test_rows_are_those_of_whole_steps():
 def test_rows_are_kept_for_every_so_many():
     given = CARLSON.replace("-out_series false", "") + " -model_k1 9 -model_v 0.01 -grid_n 80 -ts_max_time 40 -bc_left free"
     given += start_file(np.random.default_rng(5).uniform(0, 0.7, 80))
-    for how in (ON, " -stick_clusters off"):
+    for how in (ON, OFF):
         run(given + how + " -out_file all.h5")
         run(given + how + " -out_series_every 5 -out_file some.h5")
         some, every = rows("some.h5", "series"), rows("all.h5", "series")
@@ -179,7 +179,7 @@ def test_a_motion_that_repeats():
     given = ("-model_form chain -model_m 1 -model_k0 1 -model_k1 1 -model_f0 1 -model_zeta 0.3 -friction_law carlson-langer"
              " -friction_alpha 2 -friction_sigma 0.1 -model_v 0.1 -grid_n 70 -scene_reduce off -init_psi 0 -init_eta 0 -ts_max_time 300"
              " -out_frames 2 -out_probes 11 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file r.h5")
-    whole, _ = run(given + " -stick_clusters off")
+    whole, _ = run(given + OFF)
     of_whole = rows("r.h5", "series")
     own, _ = run(given + ON)
     of_own = rows("r.h5", "series")
@@ -193,9 +193,10 @@ def test_a_motion_that_repeats():
 
 
 def test_auto_takes_clusters_where_they_may_pay():
-    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 5 -out_file a.h5 -stick_clusters auto -grid_n "
+    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 5 -out_file a.h5 -grid_n "
     for more, why in (("100", None), ("20", "nothing is gained"), ("100 -ts_rk_type 7vr", "rk:5dp"), ("100 -ts_type arkimex", "rk:5dp"),
                       ("100 -ts_adapt_type none -ts_dt 0.1", "fixed steps"), ("100 -ts_adapt_wnormtype 2", "-ts_adapt_wnormtype"),
+                      ("100 -rk_fused false", "rk_fused"), ("100 -ts_monitor", "-ts_monitor"),
                       ("100 -lyapunov_count 1 -ts_max_time 1", "lyapunov_count"), ("100 -ts_rtol 1e-2 -ts_atol 1e-2", "tolerances"),
                       ("100 -stick_clusters off", "off"), ("100 -friction_stick regularised", "")):
         s, _ = run(given + more)

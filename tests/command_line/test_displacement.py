@@ -94,6 +94,8 @@ def test_restarts_and_ranks():
 def test_refused():
     refused(PULLED.replace("-model_k1 3", "-model_k1 0") + " -ts_max_time 1 -out_file n.h5", 2, "out_displacement", "model_k1 0")
     refused(PULLED + ON + " -ts_max_time 1 -out_file n.h5", 2, "out_displacement", "stick_clusters")
+    s, _ = run(PULLED + " -grid_n 80 -ts_max_time 1 -out_file n.h5")
+    check(s["clusters"] is None and "out_displacement" in s["clusters_reason"], f"whole steps: {s['clusters_reason']}")
 
 
 def test_cycle():
