@@ -238,7 +238,7 @@ def test_a_load_that_is_a_constant_velocity():
     """The plate goes as at model_v, and so do the events and the table."""
     tables = []
     for name, how in (("constant", "-model_v 2e-3"), ("load", "-load_v 0:2e-3,3000:2e-3")):
-        ran(*words(scene_file("catalogue")), "-grid_n", 30, "-friction_alpha", 2, "-ts_max_time", 1500, "-out_frames", 2,
+        ran(*words(scene_file("catalogue")), "-grid_n", 30, "-init_noise_of", "psi", "-friction_alpha", 2, "-ts_max_time", 1500, "-out_frames", 2,
             *words(how), "-out_file", f"{name}.h5")
         tables.append(c.statistics([c.read(f"{name}.h5", 1)], (-5, -0.5)))
     for one, other in [(tables[0][key], tables[1][key]) for key in ("events", "per_node_and_way", "moment_per_node_and_way")]:

@@ -68,7 +68,7 @@ def test_first_words(words, first):
 
 def test_events_in_the_summary():
     """Largest and b are those of the file, b that of postprocess/catalogue.py."""
-    said("run", CATALOGUE, "-grid_n", "800", "-ts_max_time", "1000", "-out_file", "a.h5", "-out_frames", "2", summary=True)
+    said("run", CATALOGUE, "-grid_n", "800", "-ts_max_time", "3000", "-out_file", "a.h5", "-out_frames", "2", summary=True)
     with open("s.json", encoding="utf-8") as file:
         summary = json.load(file)
     run = catalogue.read("a.h5", 0)
