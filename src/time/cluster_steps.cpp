@@ -145,8 +145,8 @@ void ClusterSteps::sum(const Cluster& c, const double* base, const double* weigh
   }
 }
 
-// Calls body for nodes from begin to end, which may lie beyond the ends of the cluster: one that goes round the
-// ring goes on at its other end.
+// Calls body for nodes from begin to end, which may lie beyond the ends of the cluster: one that goes round
+// the ring goes on at its other end.
 template <class Body>
 void ClusterSteps::for_parts(const Cluster& c, PetscInt begin, PetscInt end, const Body& body) const {
   const PetscInt n = c.count;

@@ -3,7 +3,7 @@
 FILE.h5 ..., of many. Tables of docs/published.md:  decades | large | classes FILE.h5 ..., of many; its picture: picture PNG FILE.h5 ...
 
 b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out, for sigma
-and waiting the first two, for alpha and the tables of docs/published.md the first six. waiting: from one event of magnitude 2
+and waiting the first two, for alpha, cuts and the tables of docs/published.md the first six. waiting: from one event of magnitude 2
 or more to the next, anywhere and at a block (of every tenth), by their mean. decades: b on four decades of moment, which begin at e times that of a block
 that slips between blocks at rest, and on each of them. large: events beyond the hollow, which is the least filled bin of
 one unit of magnitude, from the beginning of those four decades to the bin that
@@ -53,7 +53,7 @@ def ensembles_by(paths, option):
 def cuts(paths):
     """b over the smallest event, a column for each alpha."""
     found = {alpha: {cut["low"]: cut for cut in statistics(runs, (LOW, HIGH))["cuts"]}
-             for alpha, runs in ensembles([read(path, 1) for path in paths], "friction_alpha")}
+             for alpha, runs in ensembles([read(path, 6) for path in paths], "friction_alpha")}
     yield ["smallest event", *(f"alpha = {alpha}" for alpha in found)]
     for low in sorted(next(iter(found.values()))):
         yield [low, *(f"{c[low]['b']:.2f} [{c[low]['interval'][0]:.2f}, {c[low]['interval'][1]:.2f}]" for c in found.values())]
