@@ -1,5 +1,5 @@
-"""What a catalogue costs when only what slides is advanced: runs/catalogue.yaml from rest, eta uniform on [0, 1], for several
-lengths of the chain: processor time of the whole command, of an event, of a step of a node, and the most memory.
+"""What a catalogue costs when only what slides is advanced: runs/catalogue.yaml for several lengths of the chain: processor time of
+the whole command, of an event, of a step of a node, and the most memory.
 
 usage: tests/bench/clusters.py [build/stickslip]
 """
@@ -10,25 +10,15 @@ import subprocess
 import sys
 import tempfile
 
-import numpy as np
-
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 def cost(program, n, until):
     with tempfile.TemporaryDirectory() as folder:
-        start, out, summary = (os.path.join(folder, name) for name in ("start.txt", "c.h5", "c.json"))
-        eta = np.random.default_rng(7).uniform(0, 1, n)
-        np.savetxt(start, np.c_[np.arange(n), np.zeros(n), eta], fmt="%.17g")
-        with open(os.path.join(ROOT, "runs", "catalogue.yaml"), encoding="utf-8") as file:
-            scene = file.read()
-        before, after = scene.split("init:")[0], scene.split("grid:")[1]  # the file holds the whole start
-        with open(os.path.join(folder, "scene.yaml"), "w", encoding="utf-8") as file:
-            file.write(before + "grid:" + after)
+        out, summary = (os.path.join(folder, name) for name in ("c.h5", "c.json"))
         begin = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([program, "run", file.name, "-grid_n", str(n), "-ts_max_time", str(until), "-init_type", "text",
-                        "-init_file", start, "-stick_clusters", "on", "-out_frames", "2", "-out_file", out,
-                        "-summary", summary, "-progress", "off"], check=True)
+        subprocess.run([program, "run", os.path.join(ROOT, "runs", "catalogue.yaml"), "-grid_n", str(n), "-ts_max_time", str(until),
+                        "-out_frames", "2", "-out_file", out, "-summary", summary, "-progress", "off"], check=True)
         end = resource.getrusage(resource.RUSAGE_CHILDREN)
         with open(summary, encoding="utf-8") as file:
             said = json.load(file)
