@@ -108,14 +108,20 @@ def mean_of(b, width):
 
 
 def slope_of(mean, width):
-    """The b of that mean, or of each of several: mean_of falls with b."""
+    """The b of that mean, or of each of several: mean_of falls with b. Halving, then Newton's method, |b| up to 60/width."""
     mean = np.asarray(mean, float)
-    least, most = np.full(mean.shape, -60 / width), np.full(mean.shape, 60 / width)
-    for _ in range(80):
+    least, most = np.full(mean.shape, -60.), np.full(mean.shape, 60.)  # of x = b width
+    for _ in range(8):
         middle = (least + most) / 2
-        above = mean_of(middle, width) > mean
+        above = mean_of(middle, 1) > mean / width
         least, most = np.where(above, middle, least), np.where(above, most, middle)
-    return (least + most) / 2
+    x = (least + most) / 2
+    for _ in range(4):
+        near = np.abs(x) < 1e-2
+        safe = np.where(near, 1., x)
+        falls = np.where(near, 1 / 12 - x**2 / 240, 1 / safe**2 - 1 / (4 * np.sinh(safe / 2)**2))
+        x = np.clip(x + (mean_of(x, 1) - mean / width) / falls, -60, 60)
+    return x / width
 
 
 def inside(magnitude, low, high):

@@ -2,7 +2,6 @@
 every such place of a branch is listed, where SciPy finds that the multiplier of that wave on one block passes 1."""
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from calls import check, run
 from reference import System, words
@@ -38,11 +37,14 @@ class Block:
     def limit(self):
         """The spring beyond which the wave decays, nan where waves of no length grow."""
         springs = self.k0 * np.geomspace(0.02, 20, 25)
-        growth = self.growth(springs)
-        signs = np.flatnonzero(np.sign(growth[:-1]) != np.sign(growth[1:]))
-        if len(signs) != 1 or growth[-1] > 0:
-            return np.nan
-        return brentq(lambda spring: self.growth(spring)[0], springs[signs[0]], springs[signs[0] + 1], xtol=1e-12)
+        for _ in range(4):  # all springs of a round at once
+            growth = self.growth(springs)
+            signs = np.flatnonzero(np.sign(growth[:-1]) != np.sign(growth[1:]))
+            if len(signs) != 1 or growth[-1] > 0:
+                return np.nan
+            low, high = springs[signs[0]:signs[0] + 2]
+            springs = np.linspace(low, high, 9)
+        return low + (high - low) * growth[signs[0]] / (growth[signs[0]] - growth[signs[0] + 1])
 
 
 def compare(p, limit, what):

@@ -47,7 +47,8 @@ def test_multipliers_of_random_cycles(scenes):
         file, n = data("c.h5"), p["cycle_cell"]
         k, waves = file["spectrum/wavenumber"], file["spectrum/multiplier_re"] + 1j * file["spectrum/multiplier_im"]
         start = read(file, 0)
-        end, matrices = System(p | {"grid_n": n}).carried(start, found["period"], [bloch(n, n * x) for x in (0, k[1], k[5])])
+        end, matrices = System(p | {"grid_n": n}).carried(start, found["period"], [bloch(n, n * x) for x in (0, k[1], k[5])],
+                                                           1e-9, 1e-10)
         what = f"scene {index}: {p}"
         check(abs(end - start).max() < 1e-7 * (1 + abs(start).max()), f"{what}: the motion misses by {abs(end - start).max()}")
         mine = [np.array([z["re"] + 1j * z["im"] for z in found["multipliers"]]), waves[1], waves[5]]
