@@ -34,6 +34,11 @@ NEVER = re.compile(r"(^|/)(wall_s|\w*seconds|events_per_s|git|version|date|comma
 BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^chart$", r"/(best|recommended|cost)\b", np.inf, "which row is fastest is measured"),
     (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error|clusters|clusters_reason|node_steps|psi_loaded_mean|recurrence)(@/\w+)?\b", np.inf, "added"),
+    (r"", r"(^|/)(rest_fraction|plate_time|forcing_periods|chi)(@/\w+)?$", np.inf, "added"),
+    (r"", r"@/long_name$", np.inf, "reworded"),
+    (r"^cycle-massless$", r"/err/0$", np.inf, "reworded"),
+    (r"^load", r"/regime_reason$", np.inf, "names the load of the normal force, too"),
+    (r"^sticks-states$", r"/friction_work$", 1e-3, "of fourth order in the steps, of second before"),
     (r"", r"(^|/)events[./](magnitude10|recurrence|recurrence_of_nodes|last_of_nodes)(@|/|$)", np.inf, "added"),
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
     (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last; laws were added"),

@@ -69,7 +69,9 @@ def runs():
                             f"run {CHAIN} -friction_law coulomb -friction_fd 0.6 -state_law contact-age -init_psi 0.2 "
                             f"-friction_spread 0.4 -model_v 0.4 -init_noise 0.1 -ts_max_time 30 -model_nu 0.1 -out_events {FILE}"]
     yield "sticks-fixed", [f"run {STICKS} -ts_adapt_type none -ts_dt 0.02 -ts_max_time 4 {FILE}"]
-    yield "catalogue", [f"run RUNS/catalogue.yaml -grid_n 40 -ts_max_time 300 -out_frames 2 {FILE}"]
+    yield "catalogue", [f"run -model_form chain -model_m 1 -model_k0 1 -model_k1 9 -model_f0 1 -model_v 1e-3 -friction_law carlson-langer "
+                        f"-friction_sigma 0.01 -friction_alpha 3 -friction_back_slip false -init_psi 0 -init_eta 0.5 -init_noise 0.5 "
+                        f"-grid_n 40 -bc_left free -ts_max_time 300 -out_series false -out_frames 2 -out_events {FILE}"]
     yield "events-smooth", [f"run {RING} -out_events -out_events_velocity 0.5 -ts_max_time 12 -out_frames 3 {FILE}"]
     yield "starts", [f"run -grid_n 64 -grid_length 40 -init_type pulses -init_pulses 2 {SHORT}",
                      f"run -grid_n 400 -grid_length 40 -model_delta 0 -init_type wave -init_pulses 1 -init_direction left {SHORT}",
