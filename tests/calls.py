@@ -86,7 +86,7 @@ def surroundings():
 @functools.lru_cache(None)
 def waiting():
     """The program that forks for the command lines of these tests, and the environment in which it was started."""
-    server = Server(PROGRAM, 600, 600)
+    server = Server(PROGRAM, 0, 600)
     atexit.register(server.close)
     return server, surroundings()
 

@@ -23,7 +23,7 @@ def library():
 
 
 class Server:
-    """One program that waits; `cpu`, `wall`: seconds after which a use ends by SIGXCPU and by SIGALRM; `memory`: bytes
+    """One program that waits; `cpu`, `wall`: seconds after which a use ends by SIGXCPU (0: never) and by SIGALRM; `memory`: bytes
     that it may have beyond those of the program that waits."""
 
     def __init__(self, program, cpu, wall, memory=None):
