@@ -29,6 +29,7 @@ RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, do
     if (direction < 0 && !scene_.friction.back_slip) continue;
     if (one_way && !(direction * scene_.v * *std::max_element(K0_.begin(), K0_.end()) > 0)) continue;
     sides_.push_back({direction, std::vector<double>(std::size_t(scene_.n), infinity)});
+    sides_.back().heap.set_most(std::size_t(scene_.n) * 9 / 8 + 64);
   }
 }
 
@@ -102,8 +103,11 @@ void RestingNodes::rests(PetscInt i) {
 void RestingNodes::goes_on_resting(PetscInt i) {
   rests_[i] = true;
   ++count_;
-  for (Side& side : sides_)
-    if (side.key[i] < infinity) side.heap.push({side.key[i], i});
+  for (Side& side : sides_) {
+    if (side.key[i] == infinity) continue;
+    if (side.heap.size() >= side.heap.most) side.heap.drop([&](const Release& r) { return holds(side, r); });
+    side.heap.push({side.key[i], i});
+  }
 }
 
 // The first time from `from` on, if there is one up to `until`, at which the plate's displacement, times the

@@ -6,6 +6,7 @@
 // moves, so viscosity between neighbours adds nothing.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -64,12 +65,26 @@ class RestingNodes {
       return key != other.key ? key > other.key : node > other.node;
     }
   };
+  // Entries that no longer hold are dropped where they come to the top, and all of them where `most` stand
+  // there, which takes room for no more.
+  struct Heap : std::priority_queue<Release> {
+    std::size_t most = 0;
+    void set_most(std::size_t count) {
+      most = count;
+      c.reserve(most);
+    }
+    template <class Holds>
+    void drop(const Holds& holds) {
+      c.erase(std::remove_if(c.begin(), c.end(), [&](const Release& r) { return !holds(r); }), c.end());
+      std::make_heap(c.begin(), c.end(), comp);
+    }
+  };
   struct Side {
     double direction;
     // of each node: the time of its release, or under a load without a state the plate's displacement then,
     // times the direction
     std::vector<double> key;
-    std::priority_queue<Release> heap = {};
+    Heap heap = {};
     // Under a load: the time of the release that has the key `of`, or infinity where there is none before
     // `asked_until`.
     double time = std::numeric_limits<double>::infinity(), of = std::numeric_limits<double>::quiet_NaN(),
