@@ -92,26 +92,32 @@ Load Load::scaled(double factor) const {
   return other;
 }
 
+namespace {
+
+// w at both ends of every piece.
+template <class Pieces>
+std::vector<double> values_at_ends(const Pieces& pieces) {
+  std::vector<double> values;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const auto& p = pieces[i];
+    values.push_back(p.v);
+    if (i > 0 && i + 1 < pieces.size()) values.push_back(p.v + p.slope * (pieces[i + 1].begin - p.begin));
+  }
+  return values;
+}
+
+}  // namespace
+
 double Load::largest() const {
   double largest = 0;
-  for (std::size_t i = 0; i < pieces_.size(); ++i) {
-    const Interval& p = pieces_[i];
-    const double end =
-        i + 1 < pieces_.size() && i > 0 ? p.v + p.slope * (pieces_[i + 1].begin - p.begin) : p.v;
-    largest = std::max({largest, std::abs(p.v), std::abs(end)});
-  }
+  for (const double w : values_at_ends(pieces_)) largest = std::max(largest, std::abs(w));
   for (const Sine& sine : sines_) largest += std::abs(sine.amplitude);
   return largest;
 }
 
 double Load::smallest() const {
   double smallest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < pieces_.size(); ++i) {
-    const Interval& p = pieces_[i];
-    smallest = std::min(smallest, p.v);
-    if (i > 0 && i + 1 < pieces_.size())
-      smallest = std::min(smallest, p.v + p.slope * (pieces_[i + 1].begin - p.begin));
-  }
+  for (const double w : values_at_ends(pieces_)) smallest = std::min(smallest, w);
   for (const Sine& sine : sines_) smallest -= std::abs(sine.amplitude);
   return smallest;
 }

@@ -384,6 +384,17 @@ double Clusters::advance(double t, std::int64_t most_steps,
   }
 }
 
+template <class Body>
+void Clusters::each_at(double t, const Body& body) const {
+  std::vector<double> at;
+  for (const auto& one : clusters_) {
+    if (!one) continue;
+    at.resize(one->size);
+    steps_.at(*one, t, at.data());
+    body(*one, at.data());
+  }
+}
+
 void Clusters::solution(double t, Vec u) const {
   const Writing into(u);
   for (PetscInt i = 0; i < n_; ++i) {
@@ -392,34 +403,24 @@ void Clusters::solution(double t, Vec u) const {
     into[dof_ * i + 1] = resting_.eta(i, clock(t));
     if (dof_ == 3) into[dof_ * i + 2] = resting_.state(i, t);
   }
-  std::vector<double> at;
-  for (const auto& one : clusters_) {
-    if (!one) continue;
-    const Cluster& c = *one;
-    at.resize(c.size);
-    steps_.at(c, t, at.data());
+  each_at(t, [&](const Cluster& c, const double* at) {
     for (PetscInt k = 0; k < c.count; ++k)
       for (int d = 0; d < dof_; ++d) into[dof_ * steps_.node(c, k) + d] = at[c.place(d) + std::size_t(k)];
-  }
+  });
 }
 
 MediumNow::Totals Clusters::totals(double t) const {
   Totals all;
   if (resting_.count() > 0) all.psi_min = all.psi_max = 0;
-  std::vector<double> at;
-  for (const auto& one : clusters_) {
-    if (!one) continue;
-    const Cluster& c = *one;
-    at.resize(c.size);
-    steps_.at(c, t, at.data());
-    const double *const psi = &at[c.place(0)], *const eta = &at[c.place(1)];
+  each_at(t, [&](const Cluster& c, const double* at) {
+    const double *const psi = at + c.place(0), *const eta = at + c.place(1);
     for (PetscInt k = 0; k < c.count; ++k) {
       all.psi_min = std::min(all.psi_min, psi[k]);
       all.psi_max = std::max(all.psi_max, psi[k]);
       all.psi_sum += psi[k];
       all.eta_sum += eta[k];
     }
-  }
+  });
   for (const PetscInt i : freed_) {  // on the way from a cluster to another
     if (owner_[i] >= 0) continue;
     all.psi_min = std::min(all.psi_min, psi_[i]);

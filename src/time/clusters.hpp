@@ -87,6 +87,9 @@ class Clusters : public MediumNow {
   std::int64_t most_at_once() const { return counts_.most_at_once; }
 
  private:
+  // Calls body(cluster, its unknowns at t) for every cluster.
+  template <class Body>
+  void each_at(double t, const Body& body) const;
   struct Due {  // a cluster's end of step; number: of the step, which another may have replaced
     double t;
     std::size_t cluster;
