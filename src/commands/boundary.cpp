@@ -263,7 +263,7 @@ int find_forced(const Options& options, const GrowthRate& scenes, Summary& summa
   Pulse::stage("end of sliding under the load");
   ForcedBoundary growth(scene_of(options, axes), axes);
   growth.watch([] { beat("slides"); });
-  check_unused_after_setup(options, "");
+  check_unused_after_setup(options);
   FoundBoundary found;
   found.axes = axes;
   const auto tell = [&] {
@@ -323,7 +323,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
       if (!asked.stick_slip) throw;
       no_sliding = failure.what();
     }
-    check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
+    check_unused_after_setup(options);
     if (asked.sliding) tell();
     Pulse::stage("end of stick-slip");
     if (asked.stick_slip) find_stick_slip(options, end, two, found);

@@ -280,7 +280,7 @@ int cycle_command(const Options& options) {
     Pulse::stage("the cycle");
     CycleResults answer{find_cycle(options, cell), {}, {}, options.text("cycle_continue")};
     const FoundCycle& found = answer.found;
-    check_unused_after_setup(options, "");
+    check_unused_after_setup(options);
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     set_keys(summary, keys(), answer);
     add_cycle(file, cell, found);

@@ -265,7 +265,7 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
     if (exponents_) exponents_->errors_up_to(absolute);
   }
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
-  check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
+  check_unused_after_setup(options_, is_explicit ? "ts" : "ts snes ksp pc");
   std::vector<std::string> idle = options_.idle();
   if (is_explicit)
     for (const std::string& name : options_of_solvers(options_))

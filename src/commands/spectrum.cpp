@@ -327,7 +327,7 @@ int spectrum_command(const Options& options) {
     tell();
     Pulse::stage("eigenvalues");
     const Spectrum spectrum = resolved_spectrum(J, options);
-    check_unused_after_setup(options, "snes pep dm");
+    check_unused_after_setup(options);
     results.spectrum = spectrum;
     tell();
     const auto say_verdict = [&] { summary.say("steady sliding is " + verdict(spectrum)); };

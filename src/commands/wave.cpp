@@ -335,7 +335,7 @@ int wave_command(const Options& options) {
     const auto tell = [&] { set_keys(summary, keys(), results); };
     tell();
     results.train = solve_train(scene, request);
-    check_unused_after_setup(options, "eps st bv ds");
+    check_unused_after_setup(options, "snes");
     tell();
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_train(file, scene, *results.train);

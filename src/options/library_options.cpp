@@ -103,13 +103,6 @@ std::string object_of(const std::string& name) {
   return object == "da" || object == "dmda" ? "dm" : object;
 }
 
-// The objects that a command makes whatever it is asked.
-std::set<std::string> made_by(const std::string& command) {
-  if (command == "run") return {"ts", "snes", "ksp", "pc"};
-  if (command == "wave") return {"snes"};
-  return {};
-}
-
 // Not of an object: PETSc itself reads it, at its start or at its end.
 bool is_program_wide(const std::string& name) {
   static const std::set<std::string> objects = set_of(
@@ -276,10 +269,9 @@ void check_library_types(const Options& options) {
   }
 }
 
-void check_unused_after_setup(const Options& options, const std::string& not_made) {
+void check_unused_after_setup(const Options& options, const std::string& objects) {
   set_up = true;
-  std::set<std::string> made = made_by(options.command());
-  for (const std::string& object : words_of(not_made)) made.erase(object);
+  const std::set<std::string> made = set_of(objects);
   for (const auto& [name, text] : options.library()) {
     const bool chooses = name.size() > 5 && name.compare(name.size() - 5, 5, "_type") == 0;
     if (!chooses || !made.count(object_of(name)) || is_used(name) || read_late(name)) continue;

@@ -243,7 +243,7 @@ int chart_errors(const Options& options) {
     const Pulse pulse("off", "chart");  // ends at a signal; each row shows itself
     warn_of_pieces(scene);
     check_settings(options, chart_settings(options));
-    check_unused_after_setup(options, "snes ksp pc");
+    check_unused_after_setup(options);
     ChartResults results;
     set_keys(summary, keys(), results);
     WorkPrecision chart(options);

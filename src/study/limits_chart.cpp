@@ -156,7 +156,7 @@ int chart_limits(const Options& options) {
   const std::vector<MethodSpec> choices = wanted_methods(options);
   const OptionSpec* spec = parameter_of(options);
   const std::vector<Varied> scenes = varied_scenes(options, spec);
-  check_unused_after_setup(options, "ts snes ksp pc");
+  check_unused_after_setup(options);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "limits");
     LimitResults results{{}, spec ? spec->name : ""};

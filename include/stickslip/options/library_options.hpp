@@ -34,10 +34,9 @@ void insert_library_options(const Options& options);
 void check_library_types(const Options& options);
 
 // To be called by a command once its objects have taken their options (XxxSetFromOptions) and before any
-// work: UsageError for a choice (-..._type) that nobody has read although the object is there: it belongs to
-// another method. `not_made` lists objects that the command did not make this time, e.g. "snes ksp pc" for an
-// explicit method.
-void check_unused_after_setup(const Options& options, const std::string& not_made = "");
+// work: UsageError for a choice (-..._type) that nobody has read although its object is there: it belongs to
+// another method. `objects` lists those that are there whatever was asked, e.g. "ts snes ksp pc".
+void check_unused_after_setup(const Options& options, const std::string& objects = "");
 
 // The options of solvers of equations, which a method that solves none does not use; the caller tells the
 // user.
