@@ -85,11 +85,12 @@ std::string without_nesting(const std::string& name) {
   static const std::regex inner(
       "(st_|sub_|redundant_|redistribute_|telescope_|galerkin_|exotic_|npc_|esteig_|inner_|pc_gamg_esteig_|"
       "(mg|fas)_(levels|coarse)_([0-9]+_)?|fieldsplit_[a-z0-9]+_|fetidp_bddc_|eps_ciss_|eps_lyapii_|"
-      "pep_linear_|pep_refine_|mat_lmvm_|pc_lmvm_(j0_)?|snes_(?=ksp_ew_))+");
+      "pep_linear_|pep_refine_|(mat|pc)_lmvm_(j0_)?|snes_(?=ksp_ew_)|qn_(?=mat_)|ksp_(?=(ksp|pc)_))");
+  std::string own = name;
   std::smatch found;
-  if (stands_there(name) || !std::regex_search(name, found, inner, std::regex_constants::match_continuous))
-    return name;
-  return found.suffix();
+  while (!stands_there(own) && std::regex_search(own, found, inner, std::regex_constants::match_continuous))
+    own = std::string(found.suffix());
+  return own;
 }
 
 bool library_reads(const std::string& name) { return stands_there(without_nesting(name)); }
