@@ -5,9 +5,9 @@
 
 #include "base/found_until.hpp"
 #include "commands/boundary_output.hpp"
+#include "commands/table.hpp"
 #include "commands/cycle_problem.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
@@ -360,9 +360,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   return 0;
 }
 
-}  // namespace
-
-int boundary_command(const Options& options) {
+int boundary(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, keys_of(boundary_keys()), options.text("summary"));
@@ -389,6 +387,14 @@ int boundary_command(const Options& options) {
     return forced ? find_forced(options, *growth, summary, provenance)
                   : find_boundary(options, *growth, summary, provenance, asked);
   });
+}
+
+}  // namespace
+
+Command boundary_command() {
+  return {"boundary",
+          "where sliding loses stability, and where stick-slip ends, in one option or traced in two",
+          boundary, true, boundary_tables};
 }
 
 }  // namespace stickslip

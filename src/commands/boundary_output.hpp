@@ -39,5 +39,6 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
 // Collective; nothing is written without -out_file.
 void write_file(const Options& options, const GrowthRate& growth, const FoundBoundary& found,
                 const Provenance& provenance);
+std::vector<TableText> boundary_tables();  // of what the command writes
 
 }  // namespace stickslip

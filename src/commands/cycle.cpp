@@ -10,7 +10,6 @@
 #include "commands/table.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/reader.hpp"
@@ -262,13 +261,11 @@ void describe(Summary& summary, const std::string& name, const CycleBranch& bran
                             std::isfinite(p.period) ? fmt::format(", period {:.8g}", p.period) : ""));
 }
 
-}  // namespace
-
-std::vector<TableText> cycle_tables() {
+std::vector<TableText> tables() {
   return {keys(), branch_table("the option's value"), special_table(), rest_table("length")};
 }
 
-int cycle_command(const Options& options) {
+int cycle(const Options& options) {
   const Provenance provenance = Provenance::of("cycle", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
@@ -306,6 +303,13 @@ int cycle_command(const Options& options) {
     warn_unused_at_end(options);
     return 0;
   });
+}
+
+}  // namespace
+
+Command cycle_command() {
+  return {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle,
+          false, tables};
 }
 
 }  // namespace stickslip

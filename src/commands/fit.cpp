@@ -6,7 +6,6 @@
 #include "commands/table.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "study/fit.hpp"
@@ -87,11 +86,9 @@ void warn_of(const Fit& fit, int starts) {
            number_text(p.high));
 }
 
-}  // namespace
+std::vector<TableText> tables() { return {keys(), parameter_table()}; }
 
-std::vector<TableText> fit_tables() { return {keys(), parameter_table()}; }
-
-int fit_command(const Options& options) {
+int fit(const Options& options) {
   const FitProblem problem = fit_problem(options);
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   const Provenance provenance = Provenance::of("fit", options.all());
@@ -118,6 +115,12 @@ int fit_command(const Options& options) {
     file.write();
     return 0;
   });
+}
+
+}  // namespace
+
+Command fit_command() {
+  return {"fit", "finds the options with which a run reproduces what was measured", fit, true, tables};
 }
 
 }  // namespace stickslip

@@ -106,11 +106,9 @@ Columns<LawResults> keys() {
   return columns;
 }
 
-}  // namespace
+std::vector<TableText> tables() { return {keys(), stick_table()}; }
 
-std::vector<TableText> laws_tables() { return {keys(), stick_table()}; }
-
-int laws_command(const Options& options) {
+int laws(const Options& options) {
   const std::vector<FrictionParameters> laws = wanted_laws(options);
   const double from = options.real("laws_from"), to = options.real("laws_to");
   if (!(from < to))
@@ -147,5 +145,9 @@ int laws_command(const Options& options) {
     return 0;
   });
 }
+
+}  // namespace
+
+Command laws_command() { return {"laws", "tabulates friction laws", laws, false, tables}; }
 
 }  // namespace stickslip

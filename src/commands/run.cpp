@@ -11,7 +11,6 @@
 #include "output/rest_fraction.hpp"
 #include "output/series.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/accuracy.hpp"
 #include "stickslip/study/size.hpp"
@@ -262,16 +261,14 @@ std::vector<SummaryKey> run_keys() {
   return keys;
 }
 
-}  // namespace
-
-std::vector<TableText> run_tables() {
+std::vector<TableText> tables() {
   return {run_keys(),
           {"series/", Series::fields()},
           {"events/", Catalogue::columns(true, true)},
           {"events/rupture/", Catalogue::rupture_columns()}};
 }
 
-int run_command(const Options& asked) {
+int run(const Options& asked) {
   const Options options = effective_options(asked);
   const Provenance provenance = Provenance::of("run", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
@@ -297,5 +294,9 @@ int run_command(const Options& asked) {
     return code;
   });
 }
+
+}  // namespace
+
+Command run_command() { return {"run", "advances the scene in time", run, true, tables}; }
 
 }  // namespace stickslip

@@ -6,7 +6,6 @@
 #include "base/found_until.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
@@ -308,11 +307,9 @@ Pseudospectrum look_further(const LinearisedOperator& J, const Options& options,
   return box;
 }
 
-}  // namespace
+std::vector<TableText> tables() { return {keys(), mode_table(), state_table()}; }
 
-std::vector<TableText> spectrum_tables() { return {keys(), mode_table(), state_table()}; }
-
-int spectrum_command(const Options& options) {
+int spectrum(const Options& options) {
   const Provenance provenance = Provenance::of("spectrum", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
@@ -348,6 +345,13 @@ int spectrum_command(const Options& options) {
                             spectrum.method, spectrum.completeness_check));
     return 0;
   });
+}
+
+}  // namespace
+
+Command spectrum_command() {
+  return {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it", spectrum,
+          true, tables};
 }
 
 }  // namespace stickslip

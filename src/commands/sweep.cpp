@@ -8,7 +8,6 @@
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
@@ -192,11 +191,9 @@ void check_journals(const std::string& path, const SweepHeader& header) {
   });
 }
 
-}  // namespace
+std::vector<TableText> tables() { return {keys()}; }
 
-std::vector<TableText> sweep_tables() { return {keys()}; }
-
-int sweep_command(const Options& asked) {
+int sweep(const Options& asked) {
   std::optional<SweepHeader> header;
   if (asked.is_set("restart")) header = read_sweep_header(asked.text("restart"));
   const Options sweep = header ? resumed(asked, *header) : asked;
@@ -227,6 +224,13 @@ int sweep_command(const Options& asked) {
     report(summary, {session, plan, signal}, path);
     return signal ? 128 + signal : 0;
   });
+}
+
+}  // namespace
+
+Command sweep_command() {
+  return {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep, false,
+          tables};
 }
 
 }  // namespace stickslip

@@ -11,29 +11,17 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/provenance.hpp"
-#include "stickslip/study/chart.hpp"
 #include "stickslip/study/limits.hpp"
 
 namespace stickslip {
 
-// A new command gets its line here and its declaration in commands.hpp.
+// Each stands in a source of its own; a new one is named here, twice.
+Command run_command(), wave_command(), spectrum_command(), laws_command(), boundary_command(),
+    cycle_command(), chart_command(), sweep_command(), fit_command();
 const std::vector<Command>& commands() {
-  static const std::vector<Command> table = {
-      {"run", "advances the scene in time", run_command, true},
-      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
-      {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it",
-       spectrum_command, true},
-      {"laws", "tabulates friction laws", laws_command, false},
-      {"boundary", "where sliding loses stability, and where stick-slip ends, in one option or traced in two",
-       boundary_command, true},
-      {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command,
-       false},
-      {"chart", "the same scene by many methods: error against seconds, or where each method fails",
-       chart_command, true},
-      {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command,
-       false},
-      {"fit", "finds the options with which a run reproduces what was measured", fit_command, true},
-  };
+  static const std::vector<Command> table = {run_command(),   wave_command(),     spectrum_command(),
+                                             laws_command(),  boundary_command(), cycle_command(),
+                                             chart_command(), sweep_command(),    fit_command()};
   return table;
 }
 
@@ -50,17 +38,9 @@ const Command& command_named(const std::string& name) {
 }
 
 std::string tables_text() {
-  const std::vector<std::pair<const char*, std::vector<TableText>>> all = {{"boundary", boundary_tables()},
-                                                                           {"spectrum", spectrum_tables()},
-                                                                           {"wave", wave_tables()},
-                                                                           {"cycle", cycle_tables()},
-                                                                           {"chart", chart_tables()},
-                                                                           {"limits", limit_tables()},
-                                                                           {"laws", laws_tables()},
-                                                                           {"sweep", sweep_tables()},
-                                                                           {"fit", fit_tables()},
-                                                                           {"every", {common_quantities()}},
-                                                                           {"run", run_tables()}};
+  std::vector<std::pair<const char*, std::vector<TableText>>> all = {{"limits", limit_tables()},
+                                                                     {"every", {common_quantities()}}};
+  for (const Command& command : commands()) all.emplace_back(command.name, command.tables());
   std::string text;
   for (const auto& [name, tables] : all)
     text += fmt::format("{}\"{}\": {}", text.empty() ? "{" : ",\n", name, json_text(tables));

@@ -5,25 +5,19 @@
 #include <vector>
 
 #include "output/table.hpp"
-#include "stickslip/commands/commands.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
-// What each command writes, first the keys of its summary.
-std::vector<TableText> boundary_tables();
-std::vector<TableText> cycle_tables();
-std::vector<TableText> fit_tables();
-std::vector<TableText> laws_tables();
-std::vector<TableText> run_tables();
-std::vector<TableText> spectrum_tables();
-std::vector<TableText> sweep_tables();
-std::vector<TableText> wave_tables();
-
+// A command: its row is made by a function that stands in its own source and is named in table.cpp.
 struct Command {
   const char* name;
   const char* does;
+  // Reads its options, does its work and returns the exit code (0, or that of a signal it stopped for).
+  // Errors leave as exceptions (error.hpp). Collective.
   int (*body)(const Options&);
   bool has_grid;
+  std::vector<TableText> (*tables)();  // what it writes, first the keys of its summary
 };
 
 const std::vector<Command>& commands();

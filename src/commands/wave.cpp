@@ -7,7 +7,6 @@
 #include "commands/table.hpp"
 #include "commands/wave_options.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/study/run_layout.hpp"
@@ -303,15 +302,13 @@ void add_limits(Summary& summary, ResultFile& file, const WaveResults& results) 
   add_rows(file, curve_table(name, name2), points);
 }
 
-}  // namespace
-
-std::vector<TableText> wave_tables() {
+std::vector<TableText> tables() {
   const WaveResults none{{}, 1, {}, {}, {}, "the option's value", "that of the second option", {}, {}, {}};
   return {keys(), mode_table(), branch_table(none.parameter, true), special_table(none),
           curve_table(none.parameter, none.parameter2)};
 }
 
-int wave_command(const Options& options) {
+int wave(const Options& options) {
   const Provenance provenance = Provenance::of("wave", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
@@ -365,6 +362,12 @@ int wave_command(const Options& options) {
     warn_unused_at_end(options);
     return 0;
   });
+}
+
+}  // namespace
+
+Command wave_command() {
+  return {"wave", "solves for a train of pulses: speed or length, stability, branches", wave, false, tables};
 }
 
 }  // namespace stickslip
