@@ -88,4 +88,8 @@ TEST_CASE("the least value", "[roots]") {
   CHECK(least.x == Approx(0.2).margin(1e-6));
   CHECK(least.value == Approx(1).epsilon(1e-11));
   CHECK(find_least(f, -1, 1, 1e-6, [](double y) { return y < 1.1; }).value < 1.1);
+  // an interval of a few neighbouring numbers ends, too
+  const double left = 0.7, right = std::nextafter(std::nextafter(std::nextafter(left, 1), 1), 1);
+  const double x = find_least(f, left, right, 0, [](double) { return false; }).x;
+  CHECK((left <= x && x <= right));
 }

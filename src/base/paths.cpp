@@ -52,9 +52,9 @@ Present check_writable(const std::string& option, const std::string& path) {
 
   // Whether a file can be made there is best learnt by making one; permissions alone do not tell (read-only
   // mounts).
-  const std::string probe = hidden_sibling(resolved(path));
+  const std::string probe = hidden_sibling(resolved(path), ".probe");  // not what another program writes now
   unlink(probe.c_str());
-  const int fd = open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  const int fd = open(probe.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (fd < 0) refuse(fmt::format("cannot be written in '{}' ({})", folder(path), std::strerror(errno)));
   close(fd);
   unlink(probe.c_str());

@@ -34,7 +34,11 @@ class ClusterRun::Told : public Clusters::Watcher {
     for (Observer* observer : observers) observer->changed(t, clusters_);
     if (!events_) return;
     take_until(t);
-    events_->change(t, starts, stops, [&](PetscInt i) { return clusters_.eta_at_rest(i, t); });
+    events_->change(t, starts, stops, [&](PetscInt i) {
+      double u[3];  // what rests beside another cluster goes on with that
+      clusters_.node(i, t, u);
+      return u[1];
+    });
     for (SlipEvent& event : events_->ended()) ended_.push_back({std::move(event), plate_.at(t)});
   }
   void tell_until(double t) {

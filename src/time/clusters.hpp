@@ -67,7 +67,6 @@ class Clusters : public MediumNow {
   double advance(double t, std::int64_t most_steps, const std::function<bool(std::int64_t, double)>& go_on);
   // u at the time reached, or at a later one before anything else happens.
   void solution(double t, Vec u) const;
-  double eta_at_rest(PetscInt i, double t) const { return resting_.eta(i, clock(t)); }  // since before t
   bool plate_is_over() const { return plate_is_over_; }  // its clock has come to Plate::end
   Totals totals(double t) const override;
   void node(PetscInt i, double t, double* u) const override;

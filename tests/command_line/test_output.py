@@ -226,3 +226,17 @@ def test_two_writers():
         first.wait()
     calls.run("-grid_n 16 -ts_max_time 1 -out_file one.h5")
     check(not [name for name in os.listdir(".") if name.endswith(".lock")], "locks are left")
+
+
+def test_the_second_writer_leaves_what_the_first_one_writes():
+    """Before its first frame a run's file has a hidden name: whether a file can be made there is tried by another."""
+    scene = "-grid_n 2000 -init_type sine -ts_max_time 1e6 -ts_type rk -ts_rk_type 3bs -out_times 1e6"
+    first, _ = started(f"{scene} -out_file one.h5", 1, ".one.h5.tmp")
+    try:
+        made = os.stat(".one.h5.tmp").st_ino
+        calls.refused("-grid_n 16 -ts_max_time 1 -out_file one.h5", 2, "another command writes it now")
+        check(os.stat(".one.h5.tmp").st_ino == made, "the first one's file is gone")
+        check(sorted(os.listdir(".")) == [".one.h5.lock", ".one.h5.tmp"], "the trial is left")
+    finally:
+        first.kill()
+        first.wait()

@@ -104,7 +104,8 @@ double last_place(Condition&& holds, double yes, double no, double tolerance = 0
 }
 
 // The least value of f between low and high, and where: golden section, until the interval is no longer than
-// `tolerance` or `enough` says of a value that it is low enough. One of the minima, where there are several.
+// `tolerance` or cannot be divided any more, or `enough` says of a value that it is low enough. One of the
+// minima, where there are several.
 struct Least {
   double x, value;
 };
@@ -112,7 +113,7 @@ template <class F, class Enough>
 Least find_least(F&& f, double low, double high, double tolerance, Enough&& enough) {
   constexpr double golden = 0.3819660112501051;  // (3 - sqrt(5))/2
   double a = low + golden * (high - low), b = high - golden * (high - low), fa = f(a), fb = f(b);
-  while (high - low > tolerance && !enough(std::min(fa, fb))) {
+  while (high - low > tolerance && low < a && a < b && b < high && !enough(std::min(fa, fb))) {
     if (fa < fb) {
       high = b;
       b = a;
