@@ -14,7 +14,7 @@ struct ErrorNorm {
   NormType type;
 
   // To which implicit equations are solved, far below what a step may err by.
-  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), 1e-13, 1e-9); }
+  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), 1e-14, 1e-9); }
 };
 
 class StepTaker {
