@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/turned_row.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
@@ -62,7 +61,7 @@ void CellField::couple(PetscInt node) {
   const auto place = [&](PetscInt of) {
     return std::size_t(std::find(node_.begin(), node_.end(), of) - node_.begin());
   };
-  std::vector<Term> row;
+  TurnedRow row;
   Held held;
   const auto add = [&](PetscInt of, double weight, int turns) {
     const std::size_t k = place(of);
@@ -71,7 +70,7 @@ void CellField::couple(PetscInt node) {
       held.sum += weight * (of == 0 ? scene_.left_value : scene_.right_value);
       return;
     }
-    row.push_back({k, weight, turns});
+    row.push_back({PetscInt(k), weight, turns});
     reach_ = std::max(reach_, std::abs(int(k) - int(place(node))));
   };
   if (scene_.ring()) {
@@ -111,7 +110,7 @@ void CellField::rates_under(const Loads& loads, const double* y, double* f) cons
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
     // by differences, which keep the digits that 1/h^2 would eat
     double d2 = held_[k].sum - held_[k].weight * psi;
-    for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
+    for (const TurnedTerm& t : row_[k]) d2 += t.weight * (y[std::size_t(t.node) * std::size_t(dof_)] - psi);
     const double force = loads.N * amplitude_[k] *
                          (sliding_ == 0 ? friction(k).force(psi, state) : friction_at(k, psi, state).F);
     const kernel::NodeRates rates = kernel::node_rates(coefficients(k, loads.v), psi, at[1], force, 0, 1);
@@ -151,9 +150,10 @@ void CellField::jacobian_under(double N, const double* y, double* J) const {
     point(N, y, k).block(Part::full, 0).write(dof_, rows);
     for (std::size_t a = 0; a < dof; ++a)
       for (std::size_t b = 0; b < dof; ++b) J[(k * dof + a) * d + k * dof + b] = rows[a * dof + b];
-    for (const Term& t : row_[k]) {
-      J[k * dof * d + t.column * dof] += t.weight * by_d2_.psi_psi;
-      J[(k * dof + 1) * d + t.column * dof] += t.weight * by_d2_.eta_psi;
+    for (const TurnedTerm& t : row_[k]) {
+      double* const by_psi = J + k * dof * d + std::size_t(t.node) * dof;
+      by_psi[0] += t.weight * by_d2_.psi_psi;
+      by_psi[d] += t.weight * by_d2_.eta_psi;
     }
   }
 }
@@ -173,15 +173,9 @@ void CellField::safeguard_step(double phase, const double* y, double h, double* 
   }
 }
 
-bool CellField::at_an_end(std::size_t k) const {
-  return node_.size() == 1 ||
-         std::any_of(row_[k].begin(), row_[k].end(), [](const Term& t) { return t.turns != 0; });
-}
-
 LowRankCoupling CellField::feed() const {
   LowRankCoupling feed;
-  for (std::size_t k = 0; k < node_.size(); ++k) {
-    if (!at_an_end(k)) continue;
+  for (const std::size_t k : nodes_at_ends(row_)) {
     std::vector<double> into(dim());
     into[k * std::size_t(dof_)] = by_d2_.psi_psi;
     into[k * std::size_t(dof_) + 1] = by_d2_.eta_psi;
@@ -194,16 +188,7 @@ LowRankCoupling CellField::feed() const {
 std::vector<double> CellField::weights_of_wave(double kappa2) const { return {-kappa2}; }
 
 std::vector<std::complex<double>> CellField::weights_of_phase(double theta) const {
-  std::vector<std::size_t> place(node_.size());  // among the nodes at an end
-  std::size_t r = 0;
-  for (std::size_t k = 0; k < node_.size(); ++k)
-    if (at_an_end(k)) place[k] = r++;
-  std::vector<std::complex<double>> w(r * r);
-  for (std::size_t k = 0; k < node_.size(); ++k)
-    for (const Term& t : row_[k])
-      if (t.turns != 0)
-        w[place[k] * r + place[t.column]] += t.weight * (std::polar(1., theta * t.turns) - 1.);
-  return w;
+  return phase_weights(row_, nodes_at_ends(row_), theta);
 }
 
 std::vector<double> CellField::sliding() const {

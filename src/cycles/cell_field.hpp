@@ -15,6 +15,7 @@
 
 #include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
+#include "model/turned_row.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
@@ -57,11 +58,6 @@ class CellField : public VectorField {
   std::vector<std::complex<double>> weights_of_phase(double theta) const;
 
  private:
-  struct Term {
-    std::size_t column;  // place among the unknown nodes
-    double weight;       // of D2; of unequal links over the mean K1 (model/turned_row.hpp)
-    int turns;           // the neighbour stands in the next (+1) or the last (-1) copy of the cell
-  };
   struct Held {
     double weight = 0, sum = 0;  // of D2 at held neighbours: the weights, and these times their psi
   };
@@ -78,7 +74,6 @@ class CellField : public VectorField {
   LinearPoint point(double N, const double* y, std::size_t k) const;
   LinearPoint without_friction(std::size_t k) const;
   kernel::Coefficients coefficients(std::size_t k, double v) const;
-  bool at_an_end(std::size_t k) const;
   void couple(PetscInt node);
 
   Scene scene_;
@@ -91,7 +86,7 @@ class CellField : public VectorField {
   double sliding_;  // the direction of friction that sticks, 0 for other
   std::vector<PetscInt> node_;
   std::vector<double> amplitude_, response_;  // the second: Scene::state_response(), where it is not 0
-  std::vector<std::vector<Term>> row_;        // D2 among the unknown nodes
+  std::vector<TurnedRow> row_;                // D2 among the unknown nodes, by their places
   std::vector<Held> held_;
 };
 

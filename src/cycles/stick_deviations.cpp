@@ -20,13 +20,8 @@ constexpr double turn_of_step = .7, turn_of_longest = 1.2;
 }  // namespace
 
 StickDeviations::StickDeviations(const Scene& cell, const StickCycle& cycle) : motion_(cell), cycle_(cycle) {
-  for (PetscInt i = 0; i < cell.n; ++i) {
-    const std::vector<TurnedTerm> row = turned_row(cell, i);
-    if (cell.n > 1 && std::all_of(row.begin(), row.end(), [](const TurnedTerm& t) { return t.turns == 0; }))
-      continue;
-    at_ends_.push_back(size_t(i));
-    rows_.push_back(row);
-  }
+  for (PetscInt i = 0; i < cell.n; ++i) rows_.push_back(turned_row(cell, i));
+  at_ends_ = nodes_at_ends(rows_);
 }
 
 // What psi of the next cells does to the rates: as D2 psi of the node.
@@ -88,20 +83,17 @@ IntervalPropagator StickDeviations::jump(const std::vector<double>& was, const S
 // With viscosity a node's copies in the next cells begin to slip with it, and where these are its neighbours
 // motions beside it do it one by one: no matter where they do it without a jump in psi_t.
 void StickDeviations::check_release(size_t node, const StickState& now) const {
-  const auto end = std::find(at_ends_.begin(), at_ends_.end(), node);
-  if (motion_.scene().N() == 0 || end == at_ends_.end()) return;
-  const std::vector<TurnedTerm>& row = rows_[size_t(end - at_ends_.begin())];
-  if (std::none_of(row.begin(), row.end(),
-                   [&](const TurnedTerm& t) { return t.turns != 0 && size_t(t.node) == node; }))
+  const TurnedRow& row = rows_[node];
+  if (motion_.scene().N() == 0 || std::none_of(row.begin(), row.end(), [&](const TurnedTerm& t) {
+        return t.turns != 0 && size_t(t.node) == node;
+      }))
     return;
   std::vector<double> rates(motion_.size());
   motion_.rates(now.direction, now.u.data(), rates.data());
   if (rates[node * size_t(motion_.dof())] != 0)
     throw Failure(
         "cycle_spectrum: with viscosity between neighbours nodes that are alike begin to slip at once with a "
-        "jump "
-        "in their "
-        "acceleration: in a wave on them they do it one by one, in an order of its own");
+        "jump in their acceleration: in a wave on them they do it one by one, in an order of its own");
 }
 
 const std::vector<IntervalPropagator>& StickDeviations::links(int halvings) {
@@ -146,16 +138,7 @@ std::vector<Complex> StickDeviations::of_wave(double kappa2) {
 }
 
 std::vector<Complex> StickDeviations::of_phase(double theta) {
-  const size_t r = at_ends_.size();
-  std::vector<Complex> w(r * r);
-  for (size_t a = 0; a < r; ++a)
-    for (const TurnedTerm& t : rows_[a])
-      if (t.turns != 0) {
-        const size_t b =
-            size_t(std::find(at_ends_.begin(), at_ends_.end(), size_t(t.node)) - at_ends_.begin());
-        w[a * r + b] += t.weight * (std::polar(1., theta * t.turns) - 1.);
-      }
-  return multipliers_of(int(motion_.size()), links(0), w);
+  return multipliers_of(int(motion_.size()), links(0), phase_weights(rows_, at_ends_, theta));
 }
 
 }  // namespace stickslip

@@ -36,8 +36,8 @@ class StickDeviations {
 
   StickMotion motion_;
   StickCycle cycle_;
-  std::vector<std::size_t> at_ends_;           // nodes with neighbours in other cells
-  std::vector<std::vector<TurnedTerm>> rows_;  // of D2, of each of these
+  std::vector<TurnedRow> rows_;       // of D2, of every node
+  std::vector<std::size_t> at_ends_;  // nodes with neighbours in other cells
   std::map<int, std::vector<IntervalPropagator>> links_;
 };
 

@@ -1,5 +1,6 @@
 #include "model/turned_row.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -23,10 +24,10 @@ Combination row_over_mean(const Scene& scene, PetscInt i) {
   return row;
 }
 
-std::vector<TurnedTerm> turned_row(const Scene& ring, PetscInt i) {
+TurnedRow turned_row(const Scene& ring, PetscInt i) {
   const std::array<double, 5> w = second_difference(ring.order);
   const double scale = ring.form == Form::chain ? 1 : 1 / (ring.h() * ring.h());
-  std::vector<TurnedTerm> row;
+  TurnedRow row;
   const double before = over_mean(ring, i - 1), behind = over_mean(ring, i);
   const auto weight = [&](PetscInt j) {
     if (!ring.medium.links_differ()) return scale * w[std::abs(j)];
@@ -37,6 +38,27 @@ std::vector<TurnedTerm> turned_row(const Scene& ring, PetscInt i) {
     row.push_back({there - turns * ring.n, weight(j), int(turns)});
   }
   return row;
+}
+
+std::vector<std::size_t> nodes_at_ends(const std::vector<TurnedRow>& rows) {
+  std::vector<std::size_t> at_ends;
+  const auto turns = [](const TurnedTerm& t) { return t.turns != 0; };
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (rows.size() == 1 || std::any_of(rows[i].begin(), rows[i].end(), turns)) at_ends.push_back(i);
+  return at_ends;
+}
+
+std::vector<std::complex<double>> phase_weights(const std::vector<TurnedRow>& rows,
+                                                const std::vector<std::size_t>& at_ends, double theta) {
+  const std::size_t r = at_ends.size();
+  std::vector<std::complex<double>> w(r * r);
+  for (std::size_t a = 0; a < r; ++a)
+    for (const TurnedTerm& t : rows[at_ends[a]]) {
+      if (t.turns == 0) continue;
+      const auto b = std::lower_bound(at_ends.begin(), at_ends.end(), std::size_t(t.node)) - at_ends.begin();
+      w[a * r + std::size_t(b)] += t.weight * (std::polar(1., theta * t.turns) - 1.);
+    }
+  return w;
 }
 
 }  // namespace stickslip
