@@ -171,6 +171,56 @@ class Outcomes {
   std::vector<std::pair<std::string, std::string>> ends_;  // with sizes
 };
 
+// Turns that wander, about a cycle that repels if there is one.
+class Turns {
+ public:
+  explicit Turns(const Section& section) : section_(section) {}
+  // y follows `last` in a turn.
+  void add(const double* last, const double* y) {
+    Turn turn;
+    std::copy(last, last + max_dim, turn.from);
+    std::copy(y, y + max_dim, turn.to);
+    all_.push_back(turn);
+  }
+  // Behind the one that moved least, of those that no call has looked at.
+  void least(double* y) {
+    const auto move = [&](const Turn& t) { return std::abs(section_.distance(t.to, t.from)); };
+    const auto least = std::min_element(all_.begin() + seen_, all_.end(),
+                                        [&](const Turn& a, const Turn& b) { return move(a) < move(b); });
+    std::copy(least->to, least->to + max_dim, y);
+    seen_ = std::ptrdiff_t(all_.size());
+  }
+  // Between the two nearest to each other that move against each other, as far from each as it moves; false
+  // where there are none.
+  bool between(double* y) const {
+    double nearest = 1e300;
+    for (const Turn& a : all_)
+      for (const Turn& b : all_) {
+        double against = 0, move_a = 0, move_b = 0, apart = 0;
+        for (int i = 1; i < max_dim; ++i) {
+          const double of_a = a.to[i] - a.from[i], of_b = b.to[i] - b.from[i], gap = b.from[i] - a.from[i];
+          against += of_a * of_b;
+          move_a += of_a * of_a;
+          move_b += of_b * of_b;
+          apart += gap * gap;
+        }
+        if (!(against < 0 && apart < nearest)) continue;
+        nearest = apart;
+        const double part = 1 / (1 + std::sqrt(move_b / move_a));
+        for (int i = 0; i < max_dim; ++i) y[i] = a.from[i] + part * (b.from[i] - a.from[i]);
+      }
+    return nearest < 1e300;
+  }
+
+ private:
+  struct Turn {
+    double from[max_dim], to[max_dim];
+  };
+  const Section& section_;
+  std::vector<Turn> all_;
+  std::ptrdiff_t seen_ = 0;
+};
+
 // The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what
 // became of every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle
 // that repels is taken only where no slip settles on another.
@@ -185,7 +235,8 @@ void run_until_periodic(const Oscillator& o, double r2, const Section& section, 
   for (const double part : {1., .1, .01, 4.}) {
     section.start(part * slip * section.size(), y);
     try {
-      double amplitude = section.distance(y), least_move = 1e300, nearest[max_dim];
+      double amplitude = section.distance(y), nearest[max_dim];
+      Turns turns(section);
       bool dies = false;
       for (int k = 1, next_try = 1; k <= (slip > 1 ? 150 : 1000) && !dies; ++k) {
         double last[max_dim];
@@ -193,16 +244,16 @@ void run_until_periodic(const Oscillator& o, double r2, const Section& section, 
         const double before = amplitude;
         coarse(y);
         amplitude = section.distance(y);
-        if (const double move = std::abs(section.distance(y, last)); move < least_move) {
-          least_move = move;
-          std::copy(y, y + max_dim, nearest);
-        }
+        turns.add(last, y);
         dies = amplitude < 1e-7 * section.size() ||
                (!unstable && amplitude < 1e-3 * section.size() && amplitude < before);
         // what wanders still after many turns may do so about a cycle that repels: near where it moved least
         const bool slow = std::abs(amplitude - before) < 1e-4 * amplitude;
         if (dies || k < next_try || !(slow || k >= 60)) continue;
-        const Found found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
+        turns.least(nearest);
+        Found found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
+        if (found == Found::none && !slow && turns.between(nearest))
+          found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
         if (found == Found::attracts || (found == Found::repels && r2 != 1)) {
           std::copy(nearest, nearest + max_dim, y);
           return;
@@ -210,7 +261,6 @@ void run_until_periodic(const Oscillator& o, double r2, const Section& section, 
         if (found == Found::repels) repelling.assign(nearest, nearest + max_dim);
         if (slow && settles_by_itself(fine, section, tolerance, y)) return;
         next_try = k + k / 4 + 1;
-        least_move = 1e300;
       }
       died += dies;
       seen.add(part * slip,
