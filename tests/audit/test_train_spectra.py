@@ -100,6 +100,8 @@ def test_random_spectra(scenes):
         if summary["status"] != "done":  # nothing oscillates
             continue
         rest = reference(p, summary, (111, 151))
+        if rest is not None and sum(m["re"] > 1e-3 for m in summary["eigenvalues"]) > sum(rest.real > 1e-3):
+            rest = reference(p, summary, (181, 241))  # the fastest of many that grow want more points
         compared += rest is not None and check(p, summary, rest, f"scene {index}: {command(p)}")
     assert compared > drawn / 6, f"{compared} of {drawn} could be compared"
 
