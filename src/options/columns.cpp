@@ -17,13 +17,16 @@ namespace {
 constexpr std::size_t longest_line = 4096;
 constexpr std::size_t longest = 1000000;  // rows: more is no table that anybody means
 
+constexpr const char* byte_order_mark = "\xef\xbb\xbf";  // before the text, by spreadsheets
+
 std::vector<double> row_of(std::string line, const std::string& place) {
   std::replace(line.begin(), line.end(), ',', ' ');
   std::vector<double> row;
   for (const std::string& word : split_words(line, place, '#')) {
     const std::optional<double> value = parse_number(word);
     if (!value || !std::isfinite(*value))
-      throw UsageError(place + ": " + quoted(word) + " is not a finite number");
+      throw usage_error("{}: {} is not a finite number{}", place, quoted(word),
+                        value ? "" : " (what is none begins with #)");
     row.push_back(*value);
   }
   return row;
@@ -41,6 +44,7 @@ Rows read_columns(const std::string& option, const std::string& path, std::size_
   for (std::size_t number = 1; file.getline(buffer, sizeof buffer); ++number) {
     std::string line(buffer, file.gcount() - (file.eof() ? 0 : 1));
     const std::string place = name + ":" + std::to_string(number);
+    if (number == 1 && line.compare(0, 3, byte_order_mark) == 0) line.erase(0, 3);
     if (!line.empty() && line.back() == '\r') line.pop_back();
     std::vector<double> row = row_of(line, place);
     if (row.empty()) continue;

@@ -116,6 +116,16 @@ def test_a_curve_through_zero_has_no_threshold():
     refused(scene + " -friction_eps 0.1", 2, "friction_eps")
 
 
+def test_a_curve_from_a_spreadsheet():
+    """A byte order mark, commas and lines that end as Windows has them."""
+    found = []
+    for begin, comma, end in (("", " ", "\n"), ("\ufeff", ",", "\r\n")):
+        with open("curve.csv", "w", encoding="utf-8", newline="") as file:
+            file.write(begin + "".join(f"{v}{comma}{force}{end}" for v, force in ((0, 1), (1, 0.5), (3, 0.4))))
+        found.append(run(f"{BLOCK} -friction_law table -friction_table curve.csv -model_v 0.5 -ts_max_time 3")[0]["psi_mean"])
+    assert found[0] == found[1]
+
+
 def test_a_run_carries_its_curve():
     """A restart needs no file, and refuses another curve."""
     run(f"{BLOCK} {sampled('points.txt', 9)} -ts_max_time 2 -out_file half.h5 -out_checkpoint_every 5")
@@ -130,7 +140,7 @@ def test_a_run_carries_its_curve():
 
 @pytest.mark.parametrize("content, parts", [
     ("0 1\n1 0.5\n0.7 0.4\n", (":3", "ascend")), ("0 1\n1 0.5\n1 0.4\n", (":3", "each once")), ("# one\n0 1\n", (":2", "one point")),
-    ("0 1\n1 nan\n", (":2", "finite")), ("0 1\n\n1 -0.5\n", (":3", "-0.5")), ("0 1\n1 0.5 3\n", (":2", "columns")),
+    ("0 1\n1 nan\n", (":2", "finite")), ("velocity,force\n0,1\n1,0.5\n", (":1", "begins with #")), ("0 1\n\n1 -0.5\n", (":3", "-0.5")), ("0 1\n1 0.5 3\n", (":2", "columns")),
     ("", ("no numbers",)), ("\x00\x7f\x01 \x02\n", (":1", "finite")), ("-1 -0.5\n1 0.5\n", (":2", "rest")),
     ("-1 0.5\n0 1\n1 0.5\n", (":1", "sign")), ("-1 -0.5\n0 1\n", (":2", "positive")), (None, ("cannot be read",)),
     ("0 1\n1 0.5\n1.0000000000001 0.4\n2 0.3\n", ("too close",))])
