@@ -200,8 +200,11 @@ struct SolveStage {
   struct StageColumns {
     alignas(64) double a[tile_size], q[tile_size], R[tile_size];
   };
-  void set_out(const Shared& same, const Stage& t, PetscInt begin, PetscInt count,
+  void set_out(const Shared& of_all, const Stage& stage, PetscInt begin, PetscInt count,
                StageColumns& columns) const {
+    const Shared same = of_all;  // copies, which no store can change
+    const Stage t = stage;
+#pragma GCC ivdep
     for (PetscInt i = 0; i < count; ++i) {
       const Shared k = at_node(same, t, begin + i);
       const double moves = t.held ? 0 : moving<sticking>(t.direction, begin + i), q = moves * k.q;
