@@ -184,6 +184,7 @@ class FitSearch {
     for (const double d : problem.data) mean += d / double(rows_);
     for (const double d : problem.data) scatter += (d - mean) * (d - mean) / double(rows_);
     unit_ = scatter > 0 ? std::sqrt(scatter) : std::max(std::abs(mean), 1e-300);
+    make_vectors();
     make_solver();
   }
 
@@ -264,12 +265,13 @@ class FitSearch {
       const Writing to(x_);
       std::copy_n(x.data(), n_, static_cast<double*>(to));
     }
-    SS_TRY(TaoSetSolution(tao_, x_));
+    make_solver();  // anew: POUNDERS keeps vectors of every solution that it does not free
     SS_TRY(TaoSolve(tao_));
     return vector_of(x_);
   }
 
  private:
+  void make_vectors();
   void make_solver();
   Vector vector_of(Vec v) const {
     const Reading a(v);
@@ -314,19 +316,21 @@ class FitSearch {
 };
 
 // Every rank solves the same small problem, whose runs they share.
-void FitSearch::make_solver() {
+void FitSearch::make_vectors() {
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(n_), x_.out()));
   SS_TRY(VecDuplicate(x_, low_.out()));
   SS_TRY(VecDuplicate(x_, high_.out()));
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(rows_), r_.out()));
   SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, PetscInt(rows_), PetscInt(n_), nullptr, J_.out()));
-  {
-    const Writing lowest(low_), highest(high_);
-    for (std::size_t k = 0; k < n_; ++k) {
-      lowest[k] = std::max(low(k), double(PETSC_NINFINITY));
-      highest[k] = std::min(high(k), double(PETSC_INFINITY));
-    }
+  const Writing lowest(low_), highest(high_);
+  for (std::size_t k = 0; k < n_; ++k) {
+    lowest[k] = std::max(low(k), double(PETSC_NINFINITY));
+    highest[k] = std::min(high(k), double(PETSC_INFINITY));
   }
+}
+
+void FitSearch::make_solver() {
+  tao_ = {};
   SS_TRY(TaoCreate(PETSC_COMM_SELF, tao_.out()));
   SS_TRY(TaoSetType(tao_, TAOPOUNDERS));
   SS_TRY(TaoSetSolution(tao_, x_));

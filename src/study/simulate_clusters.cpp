@@ -116,11 +116,12 @@ void ClusterRun::show(const ClusterPlan& plan, Vec u, double t) {
   shown_ = t;
 }
 
-// Tells what clusters have done of steps that go on beyond the end.
-void ClusterRun::finish(double t) {
+// Tells what clusters have done of steps that go on beyond the end; rows at the time of the end only where
+// the run is over, as one that goes on further has none there.
+void ClusterRun::finish(double t, bool is_over) {
   told_->step_no_further();
   clusters_.show_until(t);
-  told_->tell_until(infinity);
+  told_->tell_until(is_over ? infinity : t);
 }
 
 void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
@@ -157,7 +158,7 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
       if (!stops) ask(reached);  // after the last step
       clusters_.solution(reached, u);
       show(plan, u, reached);
-      finish(reached);
+      finish(reached, false);
       report.reason = stops ? "stopped" : "ts_max_steps";
       return;
     }
@@ -167,7 +168,7 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
     if (over) break;
   }
   ask(clusters_.plate_is_over() ? report.t : span.end);
-  finish(report.t);
+  finish(report.t, true);
   report.reason = clusters_.plate_is_over() ? "ts_max_plate" : "end time";
 }
 

@@ -50,7 +50,7 @@ class ClusterRun {
   class Told;
   void update(double t);
   void show(const ClusterPlan& plan, Vec u, double t);
-  void finish(double t);
+  void finish(double t, bool is_over);
 
   const Model& model_;
   Clusters clusters_;

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from calls import SOURCE, check, run
+from calls import SOURCE, check, run, scene_file
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 
@@ -21,9 +21,9 @@ FILES = {
     "other": ("run", "-grid_n 32 -init_type sine -ts_max_time 8 -model_v 0.5 -out_frames 41"),
     "block": ("run", BLOCK + "-model_v 1 -ts_max_time 100 -bc_left free"),
     "lyapunov": ("run", CHAIN + "-lyapunov_count 8 -ts_max_time 60"),
-    "steps": ("run", os.path.join(SOURCE, "runs/velocity-steps.yaml")),
-    "hold": ("run", os.path.join(SOURCE, "runs/slide-hold-slide.yaml")),
-    "healing": ("run", os.path.join(SOURCE, "runs/hold-healing.yaml")),
+    "steps": ("run", scene_file("velocity-steps")),
+    "hold": ("run", scene_file("slide-hold-slide")),
+    "healing": ("run", scene_file("hold-healing")),
     "spectrum": ("spectrum", "-grid_n 32"),
     "wave": ("wave", "-wave_pulses 1 -wave_length 25 -wave_continue model_v -wave_to 0.3 -wave_steps 4"),
     "laws": ("laws", ""),
@@ -37,7 +37,7 @@ FILES = {
     "chart": ("chart", "-grid_n 32 -grid_length 8 -ts_max_time 2 -init_type sine -chart_methods rk:3bs,rk:5dp -chart_repeats 1 "
               "-chart_tolerances 1e-3,1e-5 -chart_orders 4 -chart_grids 32"),
     "limits": ("chart", "-chart_kind limits -grid_n 16 -grid_length 8 -ts_max_time 20 -chart_methods rk:4,cn"),
-    "fit": ("fit", os.path.join(SOURCE, "runs/fit-steps.yaml"))}
+    "fit": ("fit", scene_file("fit-steps"))}
 ALWAYS = ["ring", "ring --phase", "lyapunov --lyapunov", "hold --lab", "wave", "cycle", "diagram", "sweep cycle", "chart", "limits",
           "limits --fails"]
 PICTURES = ["ring", "ring --profile", "ring --phase", "ring --probes", "ring --series", "ring other", "block", "lyapunov --lyapunov",

@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import iv
 
-from calls import PROGRAM, SOURCE, ran, run
+from calls import PROGRAM, SOURCE, ran, run, scene_file
 
 sys.path.insert(0, os.path.join(SOURCE, "tests", "bench"))
 import catalogues  # noqa: E402
@@ -288,8 +288,7 @@ def test_small_and_large_events_of_carlson_and_langer():
 
 
 def front(more, scene="front"):
-    path = os.path.join(SOURCE, "runs", "published", scene + ".yaml")
-    run(f"{path} {more} -out_file front.h5")
+    run(f"{scene_file('published/' + scene)} {more} -out_file front.h5")
 
 
 def test_fronts_run_at_the_speed_of_their_prestress():
