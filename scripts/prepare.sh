@@ -18,8 +18,8 @@ install_missing() {
   }
   local missing=() package
   for package in "${packages[@]}"; do
-    case "$(dpkg-query -W -f '${db:Status-Status} ' "$package" 2>/dev/null)" in
-      *installed\ *) ;;
+    case " $(dpkg-query -W -f '${db:Status-Status} ' "$package" 2>/dev/null)" in
+      *\ installed\ *) ;;  # of some architecture; `not-installed` is said of what was asked for once
       *) missing+=("$package") ;;
     esac
   done

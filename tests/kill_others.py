@@ -17,7 +17,7 @@ SWEEP = ("-sweep_parameter1 model_v -sweep_from1 0.3 -sweep_to1 1.5 -sweep_point
 RESULTS = {
     "boundary": "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -boundary_of sliding",
     "chart": "-grid_n 16 -ts_max_time 5 -init_type sine -chart_methods rk:3bs,rk:5dp -chart_tolerances 1e-2,1e-3 "
-             "-chart_repeats 1 -chart_row_seconds 0.1 -chart_reference_seconds 0.2",
+             "-chart_repeats 1 -chart_row_seconds 5 -chart_reference_seconds 20",
     "spectrum": "-grid_n 64", "wave": "-wave_length 100", "cycle": "-grid_n 16", "laws": "",
     "fit": "-grid_n 16 -ts_max_time 5 -fit_data 1:0.1,2:0.2,3:0.1,4:0.2 -fit_parameters model_v,model_gamma -fit_starts 2",
 }

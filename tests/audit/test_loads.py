@@ -121,6 +121,8 @@ def check_order(index, scene, method):
     order = method[2]
     h = {1: 1 / 64, 2: 1 / 48, 3: 1 / 24, 4: 1 / 16}.get(order, 1 / 8)
     orders, errors = orders_of(scene, method, h)
+    if max(orders) <= order - 0.35 and orders[1] > orders[0]:  # on its way there
+        orders, errors = orders_of(scene, method, h / 2)
     assert max(orders) > order - 0.35 or errors[-1] < 1e-11, \
         f"scene {index}: {method} has orders {orders} under a load, errors {errors}: {scene}"
 

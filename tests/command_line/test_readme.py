@@ -71,3 +71,20 @@ def test_study():
     assert list(down[sweep.model_v > 1.75]) == ["sliding"] * 13
     for picture in ("study", "sweep", "cycle", "diagram", "catalogue"):
         assert os.path.getsize(os.path.join("results", picture + ".png")) > 5000, picture
+
+
+def test_what_is_missing_is_installed():
+    """By a dpkg-query and an apt-get of our own: a package that was removed, or asked for by another one, is `not-installed`."""
+    os.mkdir("bin")
+    known = {"here": "installed ", "of-two-kinds": "not-installed installed ", "gone": "not-installed ", "left": "config-files ", "new": ""}
+    said = "".join(f"{name}) printf '{status}';; " for name, status in known.items())
+    for name, does in {"dpkg-query": f'case "${{@: -1}}" in {said}esac', "apt-get": 'echo "$@" >> asked', "id": "echo 0"}.items():
+        with open(os.path.join("bin", name), "w", encoding="ascii") as file:
+            file.write(f"#!/bin/bash\n{does}\n")
+        os.chmod(os.path.join("bin", name), 0o755)
+    script = f'. "{SOURCE}/scripts/prepare.sh"; packages=(here gone); install_missing of-two-kinds left new'
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=os.environ | {"PATH": "bin:" + os.environ["PATH"]})
+    assert done.returncode == 0, done.stderr
+    with open("asked", encoding="ascii") as file:
+        asked = file.read().splitlines()
+    assert asked[-1].split()[-3:] == ["gone", "left", "new"], asked
