@@ -177,7 +177,7 @@ Continuation::End Walk::accepted() {
   return std::nullopt;
 }
 
-// A straight branch towards an endless period is a curve of ln T alone.
+// A straight branch towards an infinite period is a curve of ln T alone.
 double Walk::longest() const {
   const double usual = Continuation::longest();
   return last_.cycle.period > long_steps_from * first_period_ ? std::max(usual, long_step) : usual;

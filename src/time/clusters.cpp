@@ -162,9 +162,9 @@ void Clusters::release_due(double t) {
   next_dt_ = first_dt_;
   if (halts_) plate_.set(model_, t, resting_.next(clock(t_)), false);
   freed_ = resting_.take_due(clock(t));
-  lets_go_ = true;
+  releases_ = true;
   if (!freed_.empty()) regroup(t);
-  lets_go_ = false;
+  releases_ = false;
 }
 
 // Where the plate's clock comes to its last time up to t and before anything else happens.
@@ -239,7 +239,7 @@ double Clusters::force(PetscInt i) const {
 
 // Its rate, of a node at rest.
 double Clusters::force_rate(PetscInt i) const {
-  const double driving = halts_ && !lets_go_ ? 0 : resting_.rate(i, t_);
+  const double driving = halts_ && !releases_ ? 0 : resting_.rate(i, t_);
   const double rate = driving + elastic_rate(i);
   if (!model_.viscous()) return rate;
   const PetscInt order = scene_.order;

@@ -165,7 +165,7 @@ class Clusters : public MediumNow {
     std::int64_t steps = 0, node_steps = 0, most_at_once = 0, without_time = 0, number = 0;
   } counts_;
   std::int64_t alive_ = 0;
-  bool lets_go_ = false, plate_is_over_ = false;  // the former: while a plate that goes lets nodes go
+  bool releases_ = false, plate_is_over_ = false;  // the former: while nodes begin to slip under it
 };
 
 template <class Archive>
