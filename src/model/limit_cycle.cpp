@@ -182,23 +182,24 @@ class Turns {
     std::copy(y, y + max_dim, turn.to);
     all_.push_back(turn);
   }
-  // Behind the one that moved least, of those that no call has looked at.
-  void least(double* y) {
+  // No search begins again from those so far.
+  void are_looked_at() { seen_ = std::ptrdiff_t(all_.size()); }
+  // Behind the one that moved least, of those that are new.
+  void least(double* y) const {
     const auto move = [&](const Turn& t) { return std::abs(section_.distance(t.to, t.from)); };
     const auto least = std::min_element(all_.begin() + seen_, all_.end(),
                                         [&](const Turn& a, const Turn& b) { return move(a) < move(b); });
     std::copy(least->to, least->to + max_dim, y);
-    seen_ = std::ptrdiff_t(all_.size());
   }
-  // Between the two nearest to each other that move against each other, as far from each as it moves; false
-  // where there are none.
+  // Between the two nearest to each other that move against each other, one of them new, as far from each as
+  // it moves; false where there are none.
   bool between(double* y) const {
     double nearest = 1e300;
-    for (const Turn& a : all_)
-      for (const Turn& b : all_) {
+    for (auto b = all_.begin() + seen_; b != all_.end(); ++b)
+      for (const Turn& a : all_) {
         double against = 0, move_a = 0, move_b = 0, apart = 0;
         for (int i = 1; i < max_dim; ++i) {
-          const double of_a = a.to[i] - a.from[i], of_b = b.to[i] - b.from[i], gap = b.from[i] - a.from[i];
+          const double of_a = a.to[i] - a.from[i], of_b = b->to[i] - b->from[i], gap = b->from[i] - a.from[i];
           against += of_a * of_b;
           move_a += of_a * of_a;
           move_b += of_b * of_b;
@@ -207,7 +208,7 @@ class Turns {
         if (!(against < 0 && apart < nearest)) continue;
         nearest = apart;
         const double part = 1 / (1 + std::sqrt(move_b / move_a));
-        for (int i = 0; i < max_dim; ++i) y[i] = a.from[i] + part * (b.from[i] - a.from[i]);
+        for (int i = 0; i < max_dim; ++i) y[i] = a.from[i] + part * (b->from[i] - a.from[i]);
       }
     return nearest < 1e300;
   }
@@ -250,10 +251,10 @@ void run_until_periodic(const Oscillator& o, double r2, const Section& section, 
         // what wanders still after many turns may do so about a cycle that repels: near where it moved least
         const bool slow = std::abs(amplitude - before) < 1e-4 * amplitude;
         if (dies || k < next_try || !(slow || k >= 60)) continue;
+        const auto close = [&] { return cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest); };
         turns.least(nearest);
-        Found found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
-        if (found == Found::none && !slow && turns.between(nearest))
-          found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
+        Found found = close();
+        if (found == Found::none && !slow && turns.between(nearest)) found = close();
         if (found == Found::attracts || (found == Found::repels && r2 != 1)) {
           std::copy(nearest, nearest + max_dim, y);
           return;
@@ -261,6 +262,7 @@ void run_until_periodic(const Oscillator& o, double r2, const Section& section, 
         if (found == Found::repels) repelling.assign(nearest, nearest + max_dim);
         if (slow && settles_by_itself(fine, section, tolerance, y)) return;
         next_try = k + k / 4 + 1;
+        turns.are_looked_at();
       }
       died += dies;
       seen.add(part * slip,
