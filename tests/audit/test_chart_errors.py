@@ -59,15 +59,12 @@ def check(index, p, methods):
     truth = at_the_end(p, 4 * p["grid_n"]) if ring else same_grid
     unsure = 1e-10 + (2 * np.abs(truth - at_the_end(p, 2 * p["grid_n"])).max() if ring else 0)
     rows = [row for row in chart["rows"] if row["error"] is not None]
-    alike = 0
     for row in rows:
         kind, subtype, *_ = row["method"].split(":")
-        done, _ = run([*scene, "-out_file", "r.h5", "-out_frames", "2", "-ts_type", kind, "-" + KINDS[kind], subtype,
+        # with a longest step of its own a run is not held to what is stable near sliding, as rows are not
+        run([*scene, "-ts_adapt_dt_max", "1e20", "-out_file", "r.h5", "-out_frames", "2", "-ts_type", kind, "-" + KINDS[kind], subtype,
              *(["-imex_implicit", row["implicit"]] if kind != "rk" else []),
              "-ts_rtol", repr(row["tolerance"]), "-ts_atol", repr(row["tolerance"])])
-        if done["steps"] != row["steps"]:  # near sliding a run takes no longer steps than are stable there
-            continue
-        alike += 1
         with h5py.File("r.h5") as file:
             end = np.array([file["psi"][-1], file["eta"][-1]])
         text = f"scene {index}: {row['method']} at {row['tolerance']}: {' '.join(scene)}"
@@ -78,7 +75,7 @@ def check(index, p, methods):
     points = [(row["error"], row["seconds"]) for row in rows]
     front = [a for a in points if not any(b[0] <= a[0] and b[1] <= a[1] and a != b for b in points)]
     assert sorted(front) == sorted((row["error"], row["seconds"]) for row in chart["best"])
-    return alike > 0
+    return bool(rows)
 
 
 def test_rows_and_front(scenes):
