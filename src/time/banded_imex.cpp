@@ -139,7 +139,7 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
   r.g_eta = slope(1);
   r.g_state = has_state ? slope(2) : nullptr;
   // fixed steps have no tolerance: what they err by is all theirs
-  r.target = step.estimate ? step.norm.solver_target() : 1e-14;
+  r.target = step.estimate ? step.norm.solver_target() : ErrorNorm::least_target;
   r.immovable = BandSystem::immovable;
   r.count = t.count();
   r.node = t.at;

@@ -13,8 +13,9 @@ struct ErrorNorm {
   double atol, rtol;
   NormType type;
 
-  // To which implicit equations are solved, far below what a step may err by.
-  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), 1e-14, 1e-9); }
+  // To which implicit equations are solved, far below what a step may err by; at least to near round-off.
+  static constexpr double least_target = 1e-14;
+  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), least_target, 1e-9); }
 };
 
 class StepTaker {
