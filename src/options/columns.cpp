@@ -26,7 +26,7 @@ std::vector<double> row_of(std::string line, const std::string& place) {
     const std::optional<double> value = parse_number(word);
     if (!value || !std::isfinite(*value))
       throw usage_error("{}: {} is not a finite number{}", place, quoted(word),
-                        value ? "" : " (what is none begins with #)");
+                        value ? "" : " (a line of words begins with #)");
     row.push_back(*value);
   }
   return row;
