@@ -19,11 +19,11 @@ namespace {
 
 using std::size_t;
 
-// Two real multipliers that are equal by symmetry (of waves that run either way round a cell) come out as a
-// pair with an imaginary part that is round-off; one of a torus is far above it.
-bool is_real(std::complex<double> mu) { return std::abs(mu.imag()) <= 1e-6 * std::abs(mu); }
+// Special points by the way in which a multiplier passes the unit circle; where the parameter turns as well,
+// that at 1 is a fold.
+constexpr const char* kinds[] = {"branch", "flip", "torus"};
 
-// How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the
+// How many multipliers, conjugate pairs once, lie outside of the unit circle by each way to pass it; the
 // phase mode's left out.
 using Signature = std::array<int, 3>;
 Signature signature(const Cycle& cycle) {
@@ -31,10 +31,7 @@ Signature signature(const Cycle& cycle) {
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
     if (k == cycle.phase_mode || !(std::abs(mu) > 1)) continue;
-    if (is_real(mu))
-      ++s[mu.real() > 0 ? 0 : 1];
-    else if (mu.imag() > 0)
-      ++s[2];
+    if (passing(mu) != Passing::as_pair || mu.imag() > 0) ++s[std::size_t(passing(mu))];
   }
   return s;
 }
@@ -256,7 +253,7 @@ void Walk::name_change(const Signature& before, const Signature& after, double s
     const double off = std::abs(std::abs(mu) - 1);
     if (k == cycle.phase_mode || !(off < nearest)) continue;
     nearest = off;
-    kind = !is_real(mu) ? "torus" : mu.real() < 0 ? "flip" : "branch";
+    kind = kinds[std::size_t(passing(mu))];
   }
   if (!kind.empty()) add_special(kind, s);
 }
@@ -369,12 +366,13 @@ double special_test(const std::string& kind, CyclePath& path, const Place& row) 
   if (kind == "fold") return path.tangent(row).back();
   const Cycle cycle = path.cycle();
   if (const auto named = cycle.tests.find(kind); named != cycle.tests.end()) return named->second;
-  const double from = kind == "flip" ? -1 : 1;
+  const auto way = Passing(std::find(std::begin(kinds), std::end(kinds), kind) - std::begin(kinds));
   double nearest = std::nan("");
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
-    if (k == cycle.phase_mode || is_real(mu) == (kind == "torus")) continue;
-    const double off = kind == "torus" ? std::abs(mu) - 1 : mu.real() - from;
+    const bool pair = passing(mu) == Passing::as_pair;
+    if (k == cycle.phase_mode || pair != (way == Passing::as_pair)) continue;
+    const double off = pair ? std::abs(mu) - 1 : mu.real() - (way == Passing::at_minus_one ? -1 : 1);
     if (!(std::abs(off) > std::abs(nearest))) nearest = off;  // the first is compared with NaN
   }
   return nearest;
