@@ -57,8 +57,12 @@ Collocation::Collocation(const Tableau& tableau)
         points.insert(points.end(), tableau.c.begin(), tableau.c.end());
         return points;
       }()),
-      end(tableau.c.size() + 1) {
+      end(tableau.c.size() + 1), a2(a.size()) {
   basis.weights(1, end.data());
+  for (int i = 0; i < s; ++i)
+    for (int k = 0; k < s; ++k)
+      for (int j = 0; j < s; ++j)
+        a2[std::size_t(i * s + j)] += a[std::size_t(i * s + k)] * a[std::size_t(k * s + j)];
 }
 
 const Collocation& Collocation::gauss5() {

@@ -1,6 +1,6 @@
-// The stages of one step of a collocation rule for a small linear system with complex coefficients,
-// y' = M(x) y: (1 - h a_ij M_j) Y = (y0, ..., y0), by elimination with row exchanges. Real and imaginary
-// parts stand apart, so that rows are gone through in vectors, with the same bits in vectors of any width.
+// Small dense linear systems with complex coefficients and several right-hand sides, by elimination with row
+// exchanges. Real and imaginary parts stand apart, so that rows are gone through in vectors, with the same
+// bits in vectors of any width.
 #pragma once
 
 #include <array>
@@ -13,16 +13,16 @@
 namespace stickslip {
 
 // Rows of the matrix, each with the right-hand sides behind it, which become the solution.
-template <int dim, int stages>
+template <int unknowns, int sides>
 struct StageRows {
-  static constexpr int n = stages * dim, vector = 8, width = (n + dim + vector - 1) / vector * vector;
+  static constexpr int n = unknowns, vector = 8, width = (n + sides + vector - 1) / vector * vector;
   alignas(64) double re[n][width], im[n][width];
   std::array<int, n> order;  // of the rows, once solved
 };
 
-template <int dim, int stages>
+template <int unknowns, int sides>
 struct StageElimination {
-  using Rows = StageRows<dim, stages>;
+  using Rows = StageRows<unknowns, sides>;
   static constexpr int n = Rows::n, width = Rows::width;
 
   // False where the matrix is singular.
@@ -63,12 +63,12 @@ struct StageElimination {
       double *a = re[order[k]], *b = im[order[k]];
       for (int i = k + 1; i < n; ++i) {
         const double *x = re[order[i]] + n, *y = im[order[i]] + n;
-        for (int j = 0; j < dim; ++j) {
+        for (int j = 0; j < sides; ++j) {
           a[n + j] -= a[i] * x[j] - b[i] * y[j];
           b[n + j] -= a[i] * y[j] + b[i] * x[j];
         }
       }
-      for (int j = n; j < n + dim; ++j) {
+      for (int j = n; j < n + sides; ++j) {
         const double x = a[j], y = b[j];
         a[j] = x * inverse_re[k] - y * inverse_im[k];
         b[j] = x * inverse_im[k] + y * inverse_re[k];

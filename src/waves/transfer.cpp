@@ -160,33 +160,25 @@ class TransferMesh {
     jacobians(train, at, h, rule, &J_[J_.size() - size_t(stages * d_ * d_)]);
   }
 
-  // The matrix of Q' = M Q from a Jacobian: (P, Z[, S], G) with viscosity.
-  void viscous_matrix(const double* J, Complex lambda, Complex* M) const {
-    const int d = d_, n = d + 1;
-    const Complex wave = lambda / V_;
-    const double stiffness = V_ * V_ / nu_;
-    std::fill(M, M + n * n, 0.);
-    M[d] = 1;
-    M[n] = J[d] + c2_ / A_ * wave * wave;
-    if (d == 3) {
-      M[2 * n] = J[2 * d];
-      M[2 * n + 2] = J[2 * d + 2];
-      M[d * n + 2] = -stiffness * r2_ * J[2];
-    }
-    M[d * n] = -stiffness * (r2_ * J[0] - 2 * c2_ / V_ * wave + nu_ * wave * wave);
-    M[d * n + 1] = -stiffness * A_;
-    M[d * n + d] = stiffness * (r2_ + 2 * nu_ / V_ * wave);
-  }
-
+  // The matrix of Q' = M Q from a Jacobian: (P, Z[, S]), or (P, Z[, S], G) with viscosity.
   void matrix(const double* J, Complex lambda, Complex* M) const {
-    if (nu_ > 0) return viscous_matrix(J, lambda, M);
-    const Complex wave = lambda / V_, slip = lambda * (c2_ / (V_ * V_)) / r2_;
-    const Complex mix = lambda * (c2_ / (A_ * V_ * V_));
-    for (int a = 0; a < d_ * d_; ++a) M[a] = J[a];
-    M[0] -= slip;
-    M[d_] += wave * wave * (c2_ / (A_ * r2_)) - mix * J[0];
-    M[d_ + 1] = -slip;
-    if (d_ == 3) M[d_ + 2] = -mix * J[2];
+    const int d = d_, n = dim();
+    const Complex wave = lambda / V_;
+    std::fill(M, M + n * n, 0.);
+    for (int a = 0; a < d; ++a)
+      for (int b = 0; b < d; ++b) M[a * n + b] = J[a * d + b];
+    M[n] += c2_ / A_ * product(wave, wave);
+    if (nu_ == 0) {
+      M[0] -= 2 * c2_ / (V_ * r2_) * wave;
+      return;
+    }
+    const double stiffness = V_ * V_ / nu_;
+    std::fill(M, M + n, 0.);
+    M[d] = 1;
+    M[d * n] = -stiffness * (r2_ * J[0] - 2 * c2_ / V_ * wave + nu_ * product(wave, wave));
+    M[d * n + 1] = -stiffness * A_;
+    if (d == 3) M[d * n + 2] = -stiffness * r2_ * J[2];
+    M[d * n + d] = stiffness * (r2_ + 2 * nu_ / V_ * wave);
   }
 
   // y at the end of interval i from y at its beginning.
@@ -197,38 +189,53 @@ class TransferMesh {
       default: return transfer_of<max_dim>(i, lambda, phi);
     }
   }
+  // Z' = mu P with one mu, so that Z at the points is that at the beginning and h mu times sums of P: only the
+  // others are solved for.
   template <int d>
   void transfer_of(size_t i, Complex lambda, Complex* phi) const {
-    using Stages = StageElimination<d, stages>;
+    constexpr int others = d - 1, n = others * stages;
+    const auto unknown = [](int other) { return other == 0 ? 0 : other + 1; };
+    using Stages = StageElimination<n, d>;
     const Collocation& rule = *rule_[i];
+    const double h = step_[i];
     typename Stages::Rows rows;
+    const auto put = [&](int row, int column, Complex value) {
+      rows.re[row][column] = value.real();
+      rows.im[row][column] = value.imag();
+    };
+    Complex M[max_dim * max_dim], mu = 0;
     for (int j = 0; j < stages; ++j) {
-      Complex M[max_dim * max_dim];
       matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
-      for (int k = 0; k < stages; ++k)
-        for (int p = 0; p < d; ++p)
-          for (int q = 0; q < d; ++q) {
-            const double weight = step_[i] * rule.a[size_t(k * stages + j)];
-            rows.re[k * d + p][j * d + q] = (k == j && p == q ? 1 : 0) - weight * M[p * d + q].real();
-            rows.im[k * d + p][j * d + q] = -weight * M[p * d + q].imag();
-          }
-    }
-    for (int k = 0; k < Stages::n; ++k)
-      for (int q = Stages::n; q < Stages::width; ++q) {
-        rows.re[k][q] = q - Stages::n == k % d ? 1 : 0;
-        rows.im[k][q] = 0;
-      }
-    if (!Stages::solve(&rows)) throw Failure("the linearised equations of an interval are singular");
-    for (int p = 0; p < d; ++p)
-      for (int q = 0; q < d; ++q) {
-        double re = p == q ? rule.end[0] : 0., im = 0;
-        for (int j = 0; j < stages; ++j) {
-          const int row = rows.order[size_t(j * d + p)];
-          re += rule.end[size_t(j) + 1] * rows.re[row][Stages::n + q];
-          im += rule.end[size_t(j) + 1] * rows.im[row][Stages::n + q];
+      mu = M[d];
+      for (int p = 0; p < others; ++p) {
+        const Complex* const of_p = M + unknown(p) * d;
+        const Complex by_z = h * h * product(of_p[1], mu);
+        for (int k = 0; k < stages; ++k) {
+          const double weight = h * rule.a[size_t(k * stages + j)];
+          for (int q = 0; q < others; ++q)
+            put(k * others + p, j * others + q,
+                (k == j && p == q ? 1. : 0.) - weight * of_p[unknown(q)] -
+                    (q == 0 ? rule.a2[size_t(k * stages + j)] * by_z : 0.));
         }
-        phi[p * d + q] = {re, im};
+        for (int q = 0; q < d; ++q)
+          put(j * others + p, n + q,
+              q == 1 ? h * rule.c[size_t(j)] * of_p[1] : Complex(q == unknown(p) ? 1 : 0));
       }
+    }
+    if (!Stages::solve(&rows)) throw Failure("the linearised equations of an interval are singular");
+    const auto sum = [&](const double* weights, int p, int q) {
+      Complex all = 0;
+      for (int j = 0; j < stages; ++j) {
+        const int row = rows.order[size_t(j * others + p)];
+        all += weights[j] * Complex(rows.re[row][n + q], rows.im[row][n + q]);
+      }
+      return all;
+    };
+    for (int q = 0; q < d; ++q) {
+      phi[d + q] = (q == 1 ? 1. : 0.) + h * product(mu, sum(rule.b.data(), 0, q));
+      for (int p = 0; p < others; ++p)
+        phi[unknown(p) * d + q] = (unknown(p) == q ? rule.end[0] : 0.) + sum(rule.end.data() + 1, p, q);
+    }
   }
 
   int d_;

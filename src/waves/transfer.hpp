@@ -3,16 +3,14 @@
 // A perturbation exp(lambda t) (P, E[, S])(xi), xi = t - x/V, is exp(Lambda x) Q(xi) with Lambda = lambda/V
 // and Q = exp(lambda xi) P: a wave of wavenumber Im Lambda as it is seen at a fixed place. Q varies as slowly
 // as the uniform oscillation's perturbations do, however fast the train is, while P turns |lambda| T times a
-// period. With e = c^2/V^2, kappa = K1/V^2 and the Jacobian J of the oscillator (model/oscillator.hpp)
-//     P' = (J00 - lambda e/r2) P + J01 Z + J02 S
-//     Z' = (J10 + K1 Lambda^2/r2 - lambda kappa J00) P - (lambda e/r2) Z - lambda kappa J02 S
+// period. With the Jacobian J of the oscillator (model/oscillator.hpp), kappa = K1/V^2 and Z = E - kappa P' +
+// (2 K1 Lambda/V + s delta/A) P, in the variables of Q,
+//     P' = (J00 - 2 c^2 Lambda/(V r2)) P + J01 Z + J02 S
+//     Z' = (J10 + K1 Lambda^2) P
 //     S' = g_psi P + g_s S
-// in the variables of Q. For V -> infinity at fixed Lambda it becomes the uniform oscillation's Floquet-Bloch
-// problem.
+// For V -> infinity at fixed Lambda it becomes the uniform oscillation's Floquet-Bloch problem.
 //
-// With viscosity between neighbours (nu = A N; waves/viscous_train.hpp), and Z = E - kappa P' + (2 K1
-// Lambda/V + s delta/A) P,
-//     P' = G,   Z' = (J10 + K1 Lambda^2) P,   S' = g_psi P + g_s S
+// With viscosity between neighbours (nu = A N; waves/viscous_train.hpp) P' = G, and
 //     G' = (V^2/nu) [(r2 + 2 nu Lambda/V) G - A Z - (r2 J00 - 2 c^2 Lambda/V + nu Lambda^2) P - r2 J02 S]
 // and one multiplier more, which is exp[(V^2 - c^2) T/nu] or so and larger than all others. Of the solutions
 // exp[lambda t + m (t - x/V)] of short waves, V m = nu m^2 - lambda or so, one has Re m > 0 wherever Re

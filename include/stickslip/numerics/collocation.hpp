@@ -22,6 +22,7 @@ struct Tableau {
 struct Collocation : Tableau {
   Lagrange basis;           // on 0, c_1 ... c_s
   std::vector<double> end;  // its s + 1 weights at 1
+  std::vector<double> a2;   // a a: of integrals of integrals
   explicit Collocation(const Tableau& tableau);
   static const Collocation& gauss5();
   static const Collocation& radau5();
