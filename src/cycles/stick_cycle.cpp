@@ -226,10 +226,10 @@ Grazing grazing_of(const StickMotion& m, const StickReturnMap& once) {
 
 }  // namespace
 
-Grazing distance_from_graze(const Scene& s) {
+Grazing distance_from_graze(const Scene& s, double tolerance) {
   if (never_slips(s)) return {std::nan(""), 0};
   if (always_returns(s) && !s.friction.back_slip) return {-std::abs(s.v), 0};
-  StickMotion motion(s);
+  StickMotion motion(s, tolerance);
   motion.stop_at_turns();
   motion.stop_slips_back();
   StickCycle c;
@@ -245,7 +245,7 @@ Grazing distance_from_graze(const Scene& s) {
       const double now = once.at.u.back(), last = c.start.back();
       if (motion.dof() == 2) return grazing_of(motion, once);
       c.start = once.at.u;
-      if (std::abs(now - last) < 1e-12 * (1 + std::abs(now))) {
+      if (std::abs(now - last) < 10 * tolerance * (1 + std::abs(now))) {
         wishes.turns = true;
         return grazing_of(motion, return_map_of(motion, c, wishes));
       }

@@ -13,6 +13,41 @@ struct Sample {
   double x, f;
 };
 
+// Of f at the ends of so many equal pieces of [0, 1].
+template <class F>
+std::vector<Sample> samples_of_unit(F&& f, int pieces) {
+  std::vector<Sample> samples;
+  for (int k = 0; k <= pieces; ++k) {
+    const double x = double(k) / pieces;
+    samples.push_back({x, f(x)});
+  }
+  return samples;
+}
+
+// Where f is not a number at 0 or 1: as near to there as can be.
+template <class F>
+void mend_ends(F&& f, std::vector<Sample>& samples) {
+  constexpr double inside = 1e-9;
+  for (Sample* end : {&samples.front(), &samples.back()})
+    if (std::isnan(end->f)) {
+      end->x = end->x == 0 ? inside : 1 - inside;
+      end->f = f(end->x);
+    }
+}
+
+// Of the zeros that samples show: a sample that is zero is a bracket without width.
+inline std::vector<Bracket> brackets_of(const std::vector<Sample>& samples) {
+  std::vector<Bracket> found;
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
+    if (a.f == 0)
+      found.push_back({a.x, 0, a.x, 0});
+    else if (a.f * b.f < 0)
+      found.push_back({a.x, a.f, b.x, b.f});
+  }
+  return found;
+}
+
 // Samples in order, those that show a zero which f only touches, or two close together, among them: the least
 // |f| between samples of one sign.
 template <class F>

@@ -93,26 +93,23 @@ double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
 
 std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings) {
   const int pieces = 32;
-  std::vector<Sample> samples;
+  std::vector<Sample> samples = samples_of_unit(growth, pieces);
   findings.samples.side = pieces + 1;
-  for (int k = 0; k <= pieces; ++k) {
-    samples.push_back({double(k) / pieces, growth(double(k) / pieces)});
-    findings.samples.growth.push_back(samples.back().f);
-  }
-  // an end without steady sliding (a threshold law at v = 0): as near to it as can be
-  for (const auto& [end, inside] : {std::pair<std::size_t, double>{0, 1e-9}, {samples.size() - 1, 1 - 1e-9}})
-    if (std::isnan(samples[end].f)) samples[end] = {inside, growth(inside)};
-  samples = with_touching_zeros(growth, samples);
+  for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
+  mend_ends(growth, samples);  // a threshold law at v = 0
 
-  std::size_t changes = 0, number = 0;
-  for (std::size_t k = 0; k + 1 < samples.size(); ++k) changes += samples[k].f * samples[k + 1].f < 0 ? 1 : 0;
-  const std::size_t every = counts_every(growth, changes);
+  const std::vector<Bracket> brackets = brackets_of(with_touching_zeros(growth, samples));
+  const auto changes =
+      std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });
+  const std::size_t every = counts_every(growth, std::size_t(changes));
+  std::size_t number = 0;
   std::vector<Crossing> roots;
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
-    if (a.f == 0) roots.push_back(growth.crossing(a.x));
-    if (!(a.f * b.f < 0)) continue;
-    const Crossing c = zero_between(growth, {a.x, a.f, b.x, b.f}, number++ % every == 0);
+  for (const Bracket& bracket : brackets) {
+    if (bracket.a == bracket.b) {
+      roots.push_back(growth.crossing(bracket.a));
+      continue;
+    }
+    const Crossing c = zero_between(growth, bracket, number++ % every == 0);
     if (growth.vanishes(c))
       roots.push_back(c);
     else

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "cycles/deviations.hpp"
-#include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/forced_slide.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
@@ -79,18 +79,15 @@ Crossing ForcedBoundary::crossing(double x, double y) {
   c.wavenumber = seen_.wavenumber;
   const std::complex<double> mu = seen_.multiplier;
   c.frequency = std::abs(std::arg(mu)) / seen_.period;
-  c.kind = std::abs(mu.imag()) > 1e-6 * std::abs(mu) ? "torus" : mu.real() < 0 ? "flip" : "fold";
+  const Passing way = passing(mu);
+  c.kind = way == Passing::as_pair ? "torus" : way == Passing::at_minus_one ? "flip" : "fold";
   return c;
 }
 
 // Where psi comes to 0 while nothing grows.
-void ForcedBoundary::add_stops(const std::vector<double>& least_at, std::vector<Crossing>& found) {
-  const double pieces = double(least_at.size() - 1);
-  for (std::size_t k = 0; k + 1 < least_at.size(); ++k) {
-    if (!(least_at[k] * least_at[k + 1] < 0)) continue;
-    const double at =
-        find_root([&](double x) { return least(x); },
-                  {double(k) / pieces, least_at[k], double(k + 1) / pieces, least_at[k + 1]}, 1e-12);
+void ForcedBoundary::add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found) {
+  for (const Bracket& bracket : brackets_of(least_at)) {
+    const double at = find_root([&](double x) { return least(x); }, bracket, 1e-12);
     if (std::isnan(at)) continue;
     Crossing c = crossing(at, 0);
     if (seen_.growth > 0) continue;
@@ -104,26 +101,26 @@ void ForcedBoundary::add_stops(const std::vector<double>& least_at, std::vector<
 
 std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
   constexpr int pieces = 32;
-  std::vector<Sample> samples;
-  std::vector<double> least_at;
+  std::map<double, double> least_seen;
+  const auto growth = [&](double x) {
+    const double found = (*this)(x);
+    least_seen[x] = sticks_ && (why_not_.empty() || !(seen_.least > 0)) ? seen_.least : std::nan("");
+    return found;
+  };
+  std::vector<Sample> samples = samples_of_unit(growth, pieces);
+  mend_ends(growth, samples);  // an end without a sine
+  std::vector<Sample> least_at;
   findings.samples.side = pieces + 1;
-  for (int k = 0; k <= pieces; ++k) {
-    // an end without a sine: as near to it as can be
-    const double x = k == 0 ? 1e-9 : k == pieces ? 1 - 1e-9 : double(k) / pieces;
-    samples.push_back({x, (*this)(x)});
-    least_at.push_back(sticks_ && (why_not_.empty() || !(seen_.least > 0)) ? seen_.least : std::nan(""));
-    findings.samples.growth.push_back(samples.back().f);
+  for (const Sample& sample : samples) {
+    findings.samples.growth.push_back(sample.f);
+    least_at.push_back({sample.x, least_seen[sample.x]});
   }
   std::vector<Crossing> found;
-  samples = with_touching_zeros(*this, samples);
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
-    if (a.f == 0) found.push_back(crossing(a.x, 0));
-    if (!(a.f * b.f < 0)) continue;
-    const double at = find_root(*this, {a.x, a.f, b.x, b.f}, 1e-13);
+  for (const Bracket& bracket : brackets_of(with_touching_zeros(*this, samples))) {
+    const double at = find_root(*this, bracket, 1e-13);
     if (std::isnan(at))
-      findings.notes.push_back("the slide under the load is lost near " + place_text(axes_, a.x, 0) + ": " +
-                               why_not_);
+      findings.notes.push_back("the slide under the load is lost near " + place_text(axes_, bracket.a, 0) +
+                               ": " + why_not_);
     else
       found.push_back(crossing(at, 0));
   }

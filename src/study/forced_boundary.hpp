@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "numerics/sampled_zeros.hpp"
 #include "stickslip/stability/boundary.hpp"
 
 namespace stickslip {
@@ -51,7 +52,7 @@ class ForcedBoundary {
   double least(double x);
   bool look(double x, double y);  // fills seen_; whether there is a slide
   Crossing crossing(double x, double y);
-  void add_stops(const std::vector<double>& least_at, std::vector<Crossing>& found);
+  void add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found);
 
   SceneAt scene_at_;
   std::vector<Axis> axes_;

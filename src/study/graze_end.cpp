@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -20,9 +21,10 @@ namespace {
 
 constexpr double beside = 1e-4;      // of the box: where it is asked what lives on either side of an end
 constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a graze
-constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
-constexpr double grazes = 1e-6;      // distance from grazing, over 1 + |v|, of an end by grazing
-constexpr double near_fold = 1e-6;   // of the box: from where a fold is placed by its multiplier
+constexpr double to_follow = 1e-8;  // error of a step while the line is followed, which its points are not of
+constexpr double meets = 0.3;       // |1 - multiplier| that is left where a cycle meets another
+constexpr double grazes = 1e-6;     // distance from grazing, over 1 + |v|, of an end by grazing
+constexpr double near_fold = 1e-6;  // of the box: from where a fold is placed by its multiplier
 
 }  // namespace
 
@@ -41,11 +43,11 @@ std::vector<double> GrazeEnd::on_cycle(double x, double y) const {
   return start;
 }
 
-double GrazeEnd::operator()(double x, double y) {
+double GrazeEnd::distance(double x, double y, double tolerance) {
   count_evaluation();
   const Scene one = scene(x, y);
   if (one.massless() || !one.friction.sticks() || !(one.K0() > 0)) return std::nan("");
-  const Grazing found = distance_from_graze(one);
+  const Grazing found = distance_from_graze(one, tolerance);
   period_ = found.period;
   passes_ = found.passes;
   return found.distance;
@@ -209,25 +211,18 @@ void GrazeEnd::ask_motion(const std::vector<Crossing>& found, std::vector<std::s
 }
 
 std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
-  const int pieces = 32;
-  std::vector<double> x, f;
-  for (int k = 0; k <= pieces; ++k) {
-    x.push_back(double(k) / pieces);
-    f.push_back((*this)(x.back()));
-  }
-  samples_ = f;
-  if (std::isnan(f[0])) f[0] = (*this)(x[0] = 1e-9);  // v = 0
-  if (std::isnan(f[pieces])) f[pieces] = (*this)(x[pieces] = 1 - 1e-9);
+  std::vector<Sample> samples = samples_of_unit(*this, 32);
+  samples_.clear();
+  for (const Sample& sample : samples) samples_.push_back(sample.f);
+  mend_ends(*this, samples);  // v = 0
   std::vector<Crossing> found;
   bool other_shapes = false;
-  for (std::size_t k = 0; k < pieces; ++k) {
-    if (!(f[k] * f[k + 1] < 0) && f[k + 1] != 0) continue;
-    const double root =
-        find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
+  for (const Bracket& bracket : brackets_of(samples)) {
+    const double root = find_root(*this, bracket, 1e-14);
     if (std::isnan(root)) {
       notes.push_back(fmt::format("between {} {} and {} stick-slip ends at a place that could not be located",
-                                  axes_[0].name, number_text(axes_[0].value(x[k])),
-                                  number_text(axes_[0].value(x[k + 1]))));
+                                  axes_[0].name, number_text(axes_[0].value(bracket.a)),
+                                  number_text(axes_[0].value(bracket.b))));
       continue;
     }
     Crossing end = crossing(root, 0, 1, 0);
@@ -243,13 +238,14 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
 
 std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& notes) {
   const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
-  const Lattice lattice = sampled(f, 24);
+  const PlaneFunction rough = [&](double x, double y) { return distance(x, y, to_follow); };
+  const Lattice lattice = sampled(rough, 24);
   samples_ = lattice.values;
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
   const double jump = scene(0.5, 0.5).friction.has_state() ? near_fold : 0;
   settings.start = std::max(settings.start, jump);
-  const LevelCurve line = level_curve(f, lattice, settings);
+  const LevelCurve line = level_curve(rough, lattice, settings);
   struct Asked {
     Crossing end;
     PlanePoint across;

@@ -17,12 +17,13 @@ class GrazeEnd : public StickSlipEnd {
 
   std::vector<Crossing> points(std::vector<std::string>& notes) override;
   std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) override;
-  double operator()(double x, double y = 0) override;
+  double operator()(double x, double y = 0) override { return distance(x, y, 1e-13); }
   Scene scene(double x, double y = 0) const override;
   std::string fate(double x, double y = 0) const override;
   std::vector<double> on_cycle(double x, double y = 0) const override;
 
  private:
+  double distance(double x, double y, double tolerance);
   Crossing crossing(double x, double y, double nx, double ny);
   PlanePoint last_digits(PlanePoint at, PlanePoint across);
   void place_fold(Crossing& c, double nx, double ny);

@@ -99,12 +99,12 @@ StickFate forced_stick_fate(const Scene& scene, const std::vector<double>& start
 // A slip may swing back beyond psi = 0 (soft friction, fast plate). Coming from there it stops where the
 // threshold holds it, or passes on into the next slip and never rests; the cycle then is one without rests.
 // `passes`: the distance is that from this end, |eta| less the threshold there, which is the greater of the
-// two. `period`: of that cycle; 0 where there is none or none was looked at.
+// two. `period`: of that cycle; 0 where there is none or none was looked at. `tolerance`: of a step.
 struct Grazing {
   double distance, period;
   bool passes = false;
 };
-Grazing distance_from_graze(const Scene& one_node);
+Grazing distance_from_graze(const Scene& one_node, double tolerance = 1e-13);
 
 // The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws
 // Failure.
