@@ -66,9 +66,17 @@ class GridLadder final : public Ladder {
   void take_last_run();
 
   double least_stretch_ = 1;  // of the next run's grid against the last level's
-  // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer
-  // ones, as noise of the shortest waves does
-  double per_tolerance_ = 5, per_tolerance_cells_ = 0;
+  // What steps at a tolerance err by, on a grid of `cells` (0: a guess), and on finer ones by more, as noise of
+  // the shortest waves does.
+  struct InTime {
+    double tolerance = 1, error = 5, cells = 0;
+  };
+  bool seen_in_time() const { return time_.cells > 0; }
+  // Less strict ones err in proportion, stricter ones as slope_in_time() says.
+  double error_in_time(double tolerance, double cells) const;
+  double tolerance_for(double error, double cells) const;
+  double grown_in_time(double cells) const { return seen_in_time() ? std::max(1., cells / time_.cells) : 1; }
+  InTime time_;
   double in_time_ = 0, in_space_ = 0;  // predicted of the run
   int restarts_ = 0;
 };
@@ -224,10 +232,9 @@ double GridLadder::tolerance_of_level(double at) const {
   const double p = order_at_best(), order = count >= 3 ? (p + std::clamp(rate(count - 2), 0., p)) / 2 : p;
   if (count >= 2)
     in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order);
-  else if (per_tolerance_cells_ > 0 || (count == 1 && runs_.friction_sets_steps()))
+  else if (seen_in_time() || (count == 1 && runs_.friction_sets_steps()))
     in_space = 0;
-  const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
-  return std::clamp(share_of_level * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
+  return std::clamp(tolerance_for(share_of_level * std::max(in_space, share_of_space * aim_), at),
                     least_tolerance, 1e-4);
 }
 
@@ -362,8 +369,7 @@ bool GridLadder::time_is_to_blame() {
   const Level loose = runs_.run(seen.scene.n, loosened * seen.tolerance);
   const double d = runs_.difference(seen, loose);
   if (d <= 0.3 * loosened * distances_.back()) return false;
-  per_tolerance_ = 3 * d / loose.tolerance;
-  per_tolerance_cells_ = cells_of(seen.scene);
+  time_ = {loose.tolerance, 3 * d, cells_of(seen.scene)};
   begin_anew();
   return true;
 }
@@ -387,8 +393,18 @@ bool GridLadder::confirm() {
   return true;
 }
 
-// What a tolerance costs, seen on the grid before the last (per_tolerance_); returns the loosest that is
-// worth it.
+double GridLadder::error_in_time(double tolerance, double cells) const {
+  const double ratio = tolerance / time_.tolerance;
+  return time_.error * grown_in_time(cells) *
+         std::pow(ratio, ratio < 1 && seen_in_time() ? slope_in_time() : 1);
+}
+
+double GridLadder::tolerance_for(double error, double cells) const {
+  const double ratio = error / (time_.error * grown_in_time(cells));
+  return time_.tolerance * std::pow(ratio, ratio < 1 && seen_in_time() ? 1 / slope_in_time() : 1);
+}
+
+// What a tolerance costs, seen on the grid before the last (time_); returns the loosest that is worth it.
 double GridLadder::tolerance_seen() {
   const Level& seen = levels_[levels_.size() - 2];
   const double most = std::min(loosened * seen.tolerance, setting_.method.is_explicit() ? 3e-4 : 1e-2);
@@ -397,30 +413,29 @@ double GridLadder::tolerance_seen() {
   const bool bound = double(levels_.back().steps) < 1.1 * double(seen.steps) &&
                      levels_.back().tolerance < 0.1 * seen.tolerance;
   if (bound) {
-    per_tolerance_cells_ = cells_of(seen.scene);
+    time_.cells = cells_of(seen.scene);
     return levels_.back().tolerance;
   }
-  if (per_tolerance_cells_ > 0 && per_tolerance_cells_ >= 0.6 * cells_of(seen.scene)) return most;
+  if (seen_in_time() && time_.cells >= 0.6 * cells_of(seen.scene)) return most;
   const bool loosen = request_.tolerance_open && seen.tolerance * loosened < 0.1;
   const PetscInt n = seen.scene.n;
   Level other = runs_.run(n, loosen ? loosened * seen.tolerance : std::max(seen.tolerance / loosened, 1e-14));
   const bool nothing_saved = loosen && double(other.steps) > 0.9 * double(seen.steps);
   // the same steps, which only grew: the difference tells nothing
   if (loosen && other.steps == seen.steps) other = runs_.run(n, std::max(seen.tolerance / 100, 1e-14));
-  per_tolerance_ = std::max(runs_.difference(seen, other) / std::max(seen.tolerance, other.tolerance), 0.1);
-  per_tolerance_cells_ = cells_of(seen.scene);
+  const double looser = std::max(seen.tolerance, other.tolerance);
+  time_ = {looser, std::max(runs_.difference(seen, other), 0.1 * looser), cells_of(seen.scene)};
   return nothing_saved ? seen.tolerance : most;
 }
 
 void GridLadder::choose_tolerance_on(double run_cells, double in_space) {
   const double most = tolerance_seen();
-  const double grown = per_tolerance_ * std::max(1., run_cells / per_tolerance_cells_);
   if (request_.tolerance_open) {
     const double in_time =
         std::clamp(share_in_all * aim_ - in_space, share_of_time * aim_, (share_in_all - 0.05) * aim_);
-    setting_.tolerance = std::clamp(in_time / (1.5 * grown), least_tolerance, most);
+    setting_.tolerance = std::clamp(tolerance_for(in_time / 1.5, run_cells), least_tolerance, most);
   }
-  in_time_ = grown * setting_.tolerance;
+  in_time_ = error_in_time(setting_.tolerance, run_cells);
   if (in_time_ > request_.wanted) give_up_in_time(setting_.tolerance, in_time_);
 }
 

@@ -33,8 +33,6 @@ class ToleranceLadder final : public Ladder {
   double first() const {
     return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest());
   }
-  // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
-  bool smooth() const { return setting_.method.is_explicit() && request_.scene.friction.smooth(); }
   // Explicit steps meet a threshold now sooner, now later in a step.
   bool scatters() const { return setting_.method.is_explicit() && !smooth(); }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
@@ -60,9 +58,9 @@ class ToleranceLadder final : public Ladder {
 };
 
 double ToleranceLadder::slope() const {
-  const double usual = smooth() ? 1 : 0.75, most = smooth() ? 1.25 : 0.75;
+  const double most = smooth() ? 1.25 : 0.75;
   const std::size_t known = distances_.size();
-  if (known < 2) return usual;
+  if (known < 2) return slope_in_time();
   return std::clamp(std::log(distances_[known - 2] / distances_[known - 1]) /
                         std::log(levels_[known - 2].tolerance / levels_[known - 1].tolerance),
                     0.5, most);
