@@ -132,7 +132,15 @@ std::string FrictionCurve::fault(const Points& points, std::size_t& at) {
   if (points.size() > most_points)
     return fmt::format("{} points; at most {} are taken", points.size(), most_points);
   if (!(points.back().first > 0)) return "no point at a positive velocity; a curve needs one";
-  if (buckets_of(directions_of(points)).count > most_buckets)
+  const std::vector<Points> directions = directions_of(points);
+  const auto steep = [](const Points& one) {  // its cubic has no coefficients
+    for (std::size_t i = 0; i + 1 < one.size(); ++i) {
+      const double h = one[i + 1].first - one[i].first;
+      if (!std::isfinite((one[i].second + one[i + 1].second) / (h * h))) return true;
+    }
+    return false;
+  };
+  if (std::any_of(directions.begin(), directions.end(), steep) || buckets_of(directions).count > most_buckets)
     return "two velocities lie too close together beside the others; leave one of them out";
   return "";
 }

@@ -59,6 +59,8 @@ double Load::in_piece(int piece, double t) const {
   return v;
 }
 
+double Load::before(double t) const { return in_piece(piece_from(std::nextafter(t, -1.)), t); }
+
 double Load::slope_in_piece(int piece, double t) const {
   double slope = pieces_[std::size_t(piece)].slope;
   for (const Sine& sine : sines_) {

@@ -24,7 +24,7 @@ struct NormalInStep {
   }
   // At the end of a step that ends at t.
   void end_at(const Load& normal, double t) {
-    if (normal.varies()) N.fill(normal.in_piece(normal.piece_from(std::nextafter(t, -1.)), t));
+    if (normal.varies()) N.fill(normal.before(t));
   }
 };
 

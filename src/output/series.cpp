@@ -121,7 +121,7 @@ void Series::put(double t, const MediumNow& now) {
           double(now.steps()),
           double(now.rejections()),
           halts(model_.scene()) ? (plate_.goes ? model_.scene().v : 0)
-          : load.varies()       ? load.in_piece(load.piece_from(std::nextafter(t, 0.)), t)
+          : load.varies()       ? load.before(t)
                                 : model_.scene().v,
           plate_.at(t),
           1,

@@ -36,6 +36,7 @@ class Load {
   int piece_from(double t) const;
   double in_piece(int piece, double t) const;
   double operator()(double t) const { return in_piece(piece_from(t), t); }  // behind a corner, at one
+  double before(double t) const;                                            // a corner, at one
   double slope_in_piece(int piece, double t) const;                         // dv/dt
   double slope(double t) const { return varies() ? slope_in_piece(piece_from(t), t) : 0; }
   double integral(double t) const;     // of v from 0 to t: how far the plate has come
