@@ -66,8 +66,8 @@ class GridLadder final : public Ladder {
   void take_last_run();
 
   double least_stretch_ = 1;  // of the next run's grid against the last level's
-  // What steps at a tolerance err by, on a grid of `cells` (0: a guess), and on finer ones by more, as noise of
-  // the shortest waves does.
+  // What steps at a tolerance err by, on a grid of `cells` (0: a guess), and on finer ones by more, as noise
+  // of the shortest waves does.
   struct InTime {
     double tolerance = 1, error = 5, cells = 0;
   };

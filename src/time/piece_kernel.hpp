@@ -14,21 +14,11 @@
 #include <algorithm>
 #include <vector>
 
+#include "numerics/lanes.hpp"
+
 namespace stickslip::kernel {
 
-constexpr int lanes = 8;
 constexpr int most_rows = 128;  // of a piece with its separator
-
-// Eight values, as they lie among others. Clang takes what a reference leads to for aligned whatever the type
-// says: so memory is spoken of by pointers, and values have a type of their own there.
-typedef double LanesInMemory __attribute__((vector_size(64), aligned(8), may_alias));
-#if defined(__clang__)
-typedef double Lanes __attribute__((vector_size(64)));
-#else
-typedef LanesInMemory Lanes;
-#endif
-inline const LanesInMemory* lanes_at(const double* a) { return reinterpret_cast<const LanesInMemory*>(a); }
-inline LanesInMemory* lanes_at(double* a) { return reinterpret_cast<LanesInMemory*>(a); }
 
 // What the nodes inside mean to the separators (Schur complement and right-hand side), in lanes: LL, LR, RR
 // row by row.
@@ -295,8 +285,7 @@ std::vector<double> right_of_table(const PieceTable& table, const double* c, int
       W[(L - 1 - r) * hw + t] = w;
     }
   for (int j = 0; j < hw; ++j)
-    for (int t = 0; t < hw; ++t)
-      found[j * hw + t] = W[j * hw + t] * table.inverse[L - 1 - j];
+    for (int t = 0; t < hw; ++t) found[j * hw + t] = W[j * hw + t] * table.inverse[L - 1 - j];
   return found;
 }
 

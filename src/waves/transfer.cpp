@@ -25,7 +25,8 @@ constexpr double longest_growth =
     1000;  // exponent, in an interval, of what viscosity lets grow: Gauss makes it exp(60/that)
 constexpr double least_apart = 1;  // of its ln |multiplier| from the next
 constexpr size_t most_intervals = 60000;
-constexpr int lowest_level = -20;  // the coarsest mesh is for frequencies from 0 to 2^lowest_level
+constexpr size_t together = kernel::lanes;  // intervals that are solved for at once
+constexpr int lowest_level = -20;           // the coarsest mesh is for frequencies from 0 to 2^lowest_level
 
 }  // namespace
 
@@ -48,7 +49,7 @@ class TransferMesh {
   std::vector<Complex> viscous_multipliers(Complex lambda) const {
     const int n = dim();
     std::vector<Complex> phi(step_.size() * size_t(n * n));
-    for (size_t i = 0; i < step_.size(); ++i) transfer(i, lambda, &phi[i * size_t(n * n)]);
+    for (size_t i = 0; i < step_.size(); i += together) transfer(i, lambda, &phi[i * size_t(n * n)]);
     return multipliers_of(n, pencil_of(n, phi));
   }
 
@@ -56,9 +57,10 @@ class TransferMesh {
     const int d = d_;
     for (int a = 0; a < d * d; ++a) Y[a] = a % (d + 1) == 0 ? 1. : 0.;
     log_scale = 0;
-    Complex phi[max_dim * max_dim], next[max_dim * max_dim];
+    Complex phis[together * max_dim * max_dim], next[max_dim * max_dim];
     for (size_t i = 0; i < step_.size(); ++i) {
-      transfer(i, lambda, phi);
+      if (i % together == 0) transfer(i, lambda, phis);
+      const Complex* const phi = phis + i % together * size_t(d * d);
       double size = 0;
       for (int a = 0; a < d; ++a)
         for (int b = 0; b < d; ++b) {
@@ -181,60 +183,67 @@ class TransferMesh {
     M[d * n + d] = stiffness * (r2_ + 2 * nu_ / V_ * wave);
   }
 
-  // y at the end of interval i from y at its beginning.
-  void transfer(size_t i, Complex lambda, Complex* phi) const {
+  // y at the end of an interval from y at its beginning, for `together` intervals from the first on, if there
+  // are so many.
+  void transfer(size_t first, Complex lambda, Complex* phi) const {
     switch (dim()) {
-      case 2: return transfer_of<2>(i, lambda, phi);
-      case 3: return transfer_of<3>(i, lambda, phi);
-      default: return transfer_of<max_dim>(i, lambda, phi);
+      case 2: return transfer_of<2>(first, lambda, phi);
+      case 3: return transfer_of<3>(first, lambda, phi);
+      default: return transfer_of<max_dim>(first, lambda, phi);
     }
   }
-  // Z' = mu P with one mu, so that Z at the points is that at the beginning and h mu times sums of P: only the
-  // others are solved for.
+  // Z' = mu P with one mu, so that Z at the points is that at the beginning and h mu times sums of P: only
+  // the others are solved for.
   template <int d>
-  void transfer_of(size_t i, Complex lambda, Complex* phi) const {
+  void transfer_of(size_t first, Complex lambda, Complex* phi) const {
     constexpr int others = d - 1, n = others * stages;
     const auto unknown = [](int other) { return other == 0 ? 0 : other + 1; };
     using Stages = StageElimination<n, d>;
-    const Collocation& rule = *rule_[i];
-    const double h = step_[i];
-    typename Stages::Rows rows;
-    const auto put = [&](int row, int column, Complex value) {
-      rows.re[row][column] = value.real();
-      rows.im[row][column] = value.imag();
-    };
+    const size_t count = std::min(together, step_.size() - first);
+    typename Stages::Systems systems;
     Complex M[max_dim * max_dim], mu = 0;
-    for (int j = 0; j < stages; ++j) {
-      matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
-      mu = M[d];
-      for (int p = 0; p < others; ++p) {
-        const Complex* const of_p = M + unknown(p) * d;
-        const Complex by_z = h * h * product(of_p[1], mu);
-        for (int k = 0; k < stages; ++k) {
-          const double weight = h * rule.a[size_t(k * stages + j)];
-          for (int q = 0; q < others; ++q)
-            put(k * others + p, j * others + q,
-                (k == j && p == q ? 1. : 0.) - weight * of_p[unknown(q)] -
-                    (q == 0 ? rule.a2[size_t(k * stages + j)] * by_z : 0.));
+    for (size_t lane = 0; lane < together; ++lane) {
+      const size_t i = first + std::min(lane, count - 1);  // a spare lane repeats the last
+      const Collocation& rule = *rule_[i];
+      const double h = step_[i];
+      const auto put = [&](int row, int column, Complex value) {
+        systems.re[row][column][lane] = value.real();
+        systems.im[row][column][lane] = value.imag();
+      };
+      for (int j = 0; j < stages; ++j) {
+        matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
+        mu = M[d];
+        for (int p = 0; p < others; ++p) {
+          const Complex* const of_p = M + unknown(p) * d;
+          const Complex by_z = h * h * product(of_p[1], mu);
+          for (int k = 0; k < stages; ++k) {
+            const double weight = h * rule.a[size_t(k * stages + j)];
+            for (int q = 0; q < others; ++q)
+              put(k * others + p, j * others + q,
+                  (k == j && p == q ? 1. : 0.) - weight * of_p[unknown(q)] -
+                      (q == 0 ? rule.a2[size_t(k * stages + j)] * by_z : 0.));
+          }
+          for (int q = 0; q < d; ++q)
+            put(j * others + p, n + q,
+                q == 1 ? h * rule.c[size_t(j)] * of_p[1] : Complex(q == unknown(p) ? 1 : 0));
         }
-        for (int q = 0; q < d; ++q)
-          put(j * others + p, n + q,
-              q == 1 ? h * rule.c[size_t(j)] * of_p[1] : Complex(q == unknown(p) ? 1 : 0));
       }
     }
-    if (!Stages::solve(&rows)) throw Failure("the linearised equations of an interval are singular");
-    const auto sum = [&](const double* weights, int p, int q) {
-      Complex all = 0;
-      for (int j = 0; j < stages; ++j) {
-        const int row = rows.order[size_t(j * others + p)];
-        all += weights[j] * Complex(rows.re[row][n + q], rows.im[row][n + q]);
+    if (!Stages::solve(&systems)) throw Failure("the linearised equations of an interval are singular");
+    for (size_t lane = 0; lane < count; ++lane, phi += d * d) {
+      const Collocation& rule = *rule_[first + lane];
+      const auto sum = [&](const double* weights, int p, int q) {
+        Complex all = 0;
+        for (int j = 0; j < stages; ++j)
+          all += weights[j] *
+                 Complex(systems.re[j * others + p][n + q][lane], systems.im[j * others + p][n + q][lane]);
+        return all;
+      };
+      for (int q = 0; q < d; ++q) {
+        phi[d + q] = (q == 1 ? 1. : 0.) + step_[first + lane] * product(mu, sum(rule.b.data(), 0, q));
+        for (int p = 0; p < others; ++p)
+          phi[unknown(p) * d + q] = (unknown(p) == q ? rule.end[0] : 0.) + sum(rule.end.data() + 1, p, q);
       }
-      return all;
-    };
-    for (int q = 0; q < d; ++q) {
-      phi[d + q] = (q == 1 ? 1. : 0.) + h * product(mu, sum(rule.b.data(), 0, q));
-      for (int p = 0; p < others; ++p)
-        phi[unknown(p) * d + q] = (unknown(p) == q ? rule.end[0] : 0.) + sum(rule.end.data() + 1, p, q);
     }
   }
 
