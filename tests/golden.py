@@ -48,6 +48,8 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),
+    (r"^boundary-stick-slip$", r"/frequency$", 1e-10, "of the place of a graze itself, not 1e-10 of the box beside it"),
+    (r"^boundary-stick-slip$", r"/(evaluations|out/1)$", np.inf, "a graze is placed by fewer evaluations; its line has the frequency"),
     (r"^wave-(branch|limits)$", r"/(branch|curves|special)\b", 1e-12, "places of trains are scaled before the arclength is summed"),
     (r"^(cycle|wave)", r"", 1e-9, "small dense systems are solved by Eigen, in another order of operations"),
     (r"^(cycle|wave)", r"/(error_estimate|multiplier_error|translation_error|residual)\b", np.inf, "sizes of round-off"),

@@ -63,6 +63,7 @@ Crossing GrazeEnd::crossing(double x, double y, double nx, double ny) {
     if (!(std::abs(there) < std::abs(least))) continue;
     least = there;
     c.kind = passes_ ? "pass" : "graze";
+    if (std::abs(least) < 1e-3 * grazes) break;
   }
   // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v,
   // soft springs) its least psi passes 0 within the last digit of the option, as in a canard explosion: no
@@ -82,7 +83,10 @@ PlanePoint GrazeEnd::last_digits(PlanePoint at, PlanePoint across) {
   const auto off = [&](double t) { return (*this)(at.x + t * across.x, at.y + t * across.y); };
   const double here = off(0);
   if (!(std::abs(here) < near_graze * (1 + std::abs(scene(at.x, at.y).v)))) return at;
-  const double t = root_near(off, 0, here, 1e-9, 1e-15, 1e-6);
+  constexpr double step = 1e-9, reach = 1e-6, known = 1e-13;
+  const double expected = -here * step / (off(step) - here);
+  if (!(std::abs(expected) < reach)) return at;
+  const double t = root_near(off, 0, here, expected, known, reach);
   return std::isnan(t) ? at : PlanePoint{at.x + t * across.x, at.y + t * across.y};
 }
 
@@ -253,7 +257,7 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   };
   std::vector<Asked> places;
   place_evenly(
-      f, line.pieces, count,
+      rough, line.pieces, count,
       [&](std::size_t piece, std::size_t k, std::size_t of_piece, const CurvePlace& place, const Placed& on) {
         const auto end_near = [&](PlanePoint at) {
           at = last_digits(at, place.across);
