@@ -413,8 +413,9 @@ double GridLadder::tolerance_seen() {
   const bool bound = double(levels_.back().steps) < 1.1 * double(seen.steps) &&
                      levels_.back().tolerance < 0.1 * seen.tolerance;
   if (bound) {
-    time_.cells = cells_of(seen.scene);
-    return levels_.back().tolerance;
+    const double strict = levels_.back().tolerance, cells = cells_of(seen.scene);
+    time_ = {strict, error_in_time(strict, cells), cells};
+    return strict;
   }
   if (seen_in_time() && time_.cells >= 0.6 * cells_of(seen.scene)) return most;
   const bool loosen = request_.tolerance_open && seen.tolerance * loosened < 0.1;
