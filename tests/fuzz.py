@@ -150,8 +150,8 @@ def complaints(case, seen, words):
                 shown = {name.lower(): text for name, text in summary["options"].items()}
                 for name, value in case.pairs:
                     got = shown.get(name.lower().lstrip("-"))
-                    if value == "columns.txt":  # a file of two columns is shown as the points in it
-                        continue
+                    if value == "columns.txt" or (value == "none" and got == ""):
+                        continue  # a file of two columns is shown as the points in it, what is not set as nothing
                     if got != value and not (got and got.replace(" ", "") == value.replace(" ", "")):
                         found.append(f"option {name} {value!r} is shown as {got!r}")
         except (KeyError, ValueError) as trouble:

@@ -209,8 +209,8 @@ void Walk::add_root(const std::string& kind, double length, const std::function<
 // passes 1 is not looked at.
 void Walk::locate_changes(Signature now, const Signature& after, double length, bool fold) {
   // Changes nearer to each other are one: where other cycles branch off, the cycle itself is known to some
-  // 1e-7 only, by which two multipliers that pass 1 together come apart.
-  constexpr double beyond = 1e-6;
+  // 1e-7 only, by which two multipliers that pass 1 together come apart by up to 1e-6.
+  constexpr double beyond = 1e-5;
   constexpr int most = 8;  // that one step may have
   const auto seen = [&](double s) {
     go(s);
