@@ -192,58 +192,71 @@ class TransferMesh {
       default: return transfer_of<max_dim>(first, lambda, phi);
     }
   }
+  template <int d>
+  void transfer_of(size_t first, Complex lambda, Complex* phi) const {
+    const size_t count = std::min(together, step_.size() - first);
+    typename Stages<d>::Systems systems;
+    Complex mu = 0;
+    for (size_t lane = 0; lane < together; ++lane)  // a spare lane repeats the last
+      mu = write_stages<d>(first + std::min(lane, count - 1), lane, lambda, systems);
+    if (!Stages<d>::solve(&systems)) throw Failure("the linearised equations of an interval are singular");
+    for (size_t lane = 0; lane < count; ++lane)
+      read_end<d>(first + lane, lane, mu, systems, phi + lane * size_t(d * d));
+  }
+
   // Z' = mu P with one mu, so that Z at the points is that at the beginning and h mu times sums of P: only
   // the others are solved for.
   template <int d>
-  void transfer_of(size_t first, Complex lambda, Complex* phi) const {
+  using Stages = StageElimination<(d - 1) * stages, d>;
+  static int unknown(int other) { return other == 0 ? 0 : other + 1; }
+
+  // The stages of interval i; returns mu.
+  template <int d>
+  Complex write_stages(size_t i, size_t lane, Complex lambda, typename Stages<d>::Systems& systems) const {
     constexpr int others = d - 1, n = others * stages;
-    const auto unknown = [](int other) { return other == 0 ? 0 : other + 1; };
-    using Stages = StageElimination<n, d>;
-    const size_t count = std::min(together, step_.size() - first);
-    typename Stages::Systems systems;
-    Complex M[max_dim * max_dim], mu = 0;
-    for (size_t lane = 0; lane < together; ++lane) {
-      const size_t i = first + std::min(lane, count - 1);  // a spare lane repeats the last
-      const Collocation& rule = *rule_[i];
-      const double h = step_[i];
-      const auto put = [&](int row, int column, Complex value) {
-        systems.re[row][column][lane] = value.real();
-        systems.im[row][column][lane] = value.imag();
-      };
-      for (int j = 0; j < stages; ++j) {
-        matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
-        mu = M[d];
-        for (int p = 0; p < others; ++p) {
-          const Complex* const of_p = M + unknown(p) * d;
-          const Complex by_z = h * h * product(of_p[1], mu);
-          for (int k = 0; k < stages; ++k) {
-            const double weight = h * rule.a[size_t(k * stages + j)];
-            for (int q = 0; q < others; ++q)
-              put(k * others + p, j * others + q,
-                  (k == j && p == q ? 1. : 0.) - weight * of_p[unknown(q)] -
-                      (q == 0 ? rule.a2[size_t(k * stages + j)] * by_z : 0.));
-          }
-          for (int q = 0; q < d; ++q)
-            put(j * others + p, n + q,
-                q == 1 ? h * rule.c[size_t(j)] * of_p[1] : Complex(q == unknown(p) ? 1 : 0));
+    const Collocation& rule = *rule_[i];
+    const double h = step_[i];
+    const auto put = [&](int row, int column, Complex value) {
+      systems.re[row][column][lane] = value.real();
+      systems.im[row][column][lane] = value.imag();
+    };
+    Complex M[max_dim * max_dim];
+    for (int j = 0; j < stages; ++j) {
+      matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M);
+      for (int p = 0; p < others; ++p) {
+        const Complex* const of_p = M + unknown(p) * d;
+        const Complex by_z = h * h * product(of_p[1], M[d]);
+        for (int k = 0; k < stages; ++k) {
+          const double weight = h * rule.a[size_t(k * stages + j)];
+          for (int q = 0; q < others; ++q)
+            put(k * others + p, j * others + q,
+                (k == j && p == q ? 1. : 0.) - weight * of_p[unknown(q)] -
+                    (q == 0 ? rule.a2[size_t(k * stages + j)] * by_z : 0.));
         }
+        for (int q = 0; q < d; ++q)
+          put(j * others + p, n + q,
+              q == 1 ? h * rule.c[size_t(j)] * of_p[1] : Complex(q == unknown(p) ? 1 : 0));
       }
     }
-    if (!Stages::solve(&systems)) throw Failure("the linearised equations of an interval are singular");
-    for (size_t lane = 0; lane < count; ++lane, phi += d * d) {
-      const Collocation& rule = *rule_[first + lane];
-      const auto sum = [&](const double* weights, int p, int q) {
-        Complex all = 0;
-        for (int j = 0; j < stages; ++j)
-          all += weights[j] *
-                 Complex(systems.re[j * others + p][n + q][lane], systems.im[j * others + p][n + q][lane]);
-        return all;
-      };
-      for (int q = 0; q < d; ++q) {
-        phi[d + q] = (q == 1 ? 1. : 0.) + step_[first + lane] * product(mu, sum(rule.b.data(), 0, q));
-        for (int p = 0; p < others; ++p)
-          phi[unknown(p) * d + q] = (unknown(p) == q ? rule.end[0] : 0.) + sum(rule.end.data() + 1, p, q);
-      }
+    return M[d];
+  }
+
+  template <int d>
+  void read_end(size_t i, size_t lane, Complex mu, const typename Stages<d>::Systems& systems,
+                Complex* phi) const {
+    constexpr int others = d - 1, n = others * stages;
+    const Collocation& rule = *rule_[i];
+    const auto sum = [&](const double* weights, int p, int q) {
+      Complex all = 0;
+      for (int j = 0; j < stages; ++j)
+        all += weights[j] *
+               Complex(systems.re[j * others + p][n + q][lane], systems.im[j * others + p][n + q][lane]);
+      return all;
+    };
+    for (int q = 0; q < d; ++q) {
+      phi[d + q] = (q == 1 ? 1. : 0.) + step_[i] * product(mu, sum(rule.b.data(), 0, q));
+      for (int p = 0; p < others; ++p)
+        phi[unknown(p) * d + q] = (unknown(p) == q ? rule.end[0] : 0.) + sum(rule.end.data() + 1, p, q);
     }
   }
 
