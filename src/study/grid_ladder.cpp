@@ -61,6 +61,7 @@ class GridLadder final : public Ladder {
   void choose_tolerance_on(double cells, double in_space);
   double tolerance_seen();
   bool time_is_to_blame();
+  bool level_errs_in_time() const;
   [[noreturn]] void give_up_on(const PredictedError& ahead, const std::string& limit) const;
   double estimate_in_space(const Level& now, double d) const;
   void take_last_run();
@@ -78,6 +79,7 @@ class GridLadder final : public Ladder {
   double grown_in_time(double cells) const { return seen_in_time() ? std::max(1., cells / time_.cells) : 1; }
   InTime time_;
   double in_time_ = 0, in_space_ = 0;  // predicted of the run
+  double last_difference_ = 0;         // of the last run from the last level
   int restarts_ = 0;
 };
 
@@ -469,8 +471,17 @@ double GridLadder::estimate(const Answer& end) {
   last_run_ = {on_grid(request_.scene, setting_.n, setting_.order), setting_.tolerance, end, 0, 0, 0};
   const bool elsewhere = setting_.n != levels_.back().scene.n;
   const double d = difference_of_run(elsewhere ? predicted_error(cells_of(levels_.back().scene)) : 0);
+  last_difference_ = d;
   last_estimate_ = estimate_in_space(last_run_, d) + 1.5 * in_time_ + between_nodes(last_run_);
   return last_estimate_;
+}
+
+// Whether the last level differs from the last run by what its own looser steps err by: two levels that err
+// alike in time say nothing of that.
+bool GridLadder::level_errs_in_time() const {
+  const Level& last = levels_.back();
+  return request_.tolerance_open && seen_in_time() && restarts_ < 4 && last_run_.tolerance < last.tolerance &&
+         error_in_time(last.tolerance, cells_of(last.scene)) > 0.3 * last_difference_;
 }
 
 // The last run becomes a level.
@@ -490,7 +501,10 @@ void GridLadder::refine() {
   if (!request_.tolerance_open && !space)
     throw OutOfReach{fmt::format("at the tolerance {:.2g}{}", setting_.tolerance, about)};
   aim_ *= 0.7;
-  if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene))
+  if (space && level_errs_in_time()) {
+    ++restarts_;
+    begin_anew();
+  } else if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene))
     take_last_run();
   else
     aim_ *= 0.5;
