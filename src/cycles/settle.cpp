@@ -28,6 +28,8 @@ namespace {
 using std::size_t;
 
 constexpr double tolerance_of_run = 1e-8;
+constexpr double stiff_from = 5000;      // explicit steps a turn
+constexpr double most_turns = 1000;      // without a slip of stiff friction
 constexpr int most_turns_a_period = 12;  // a cycle of more turns is not looked for
 // return, in units of the motion's range, from which Newton's method is tried
 constexpr double near_enough = 1e-3;
@@ -55,17 +57,50 @@ PetscErrorCode rates_for_ts(TS, PetscReal t, Vec u, Vec f, void* context) {
   });
 }
 
-// The motion of a cell by the method of Dormand and Prince of order 5, step by step.
+// u_t - f and its derivative, shift - J.
+PetscErrorCode residual_for_ts(TS ts, PetscReal t, Vec u, Vec u_t, Vec r, void* context) {
+  if (const PetscErrorCode failed = rates_for_ts(ts, t, u, r, context)) return failed;
+  return VecAYPX(r, -1, u_t);
+}
+PetscErrorCode jacobian_for_ts(TS, PetscReal t, Vec u, Vec, PetscReal shift, Mat, Mat into, void* context) {
+  return guarded([&] {
+    const Reading in(u);
+    const auto& field = *static_cast<const CellField*>(context);
+    const PetscInt d = field.dim();
+    std::vector<double> J(static_cast<size_t>(d * d));
+    field.jacobian_at(t / field.period(0).T, in, J.data());
+    for (PetscInt i = 0; i < d; ++i)
+      for (PetscInt j = 0; j < d; ++j)
+        SS_TRY(MatSetValue(into, i, j, (i == j ? shift : 0) - J[size_t(i * d + j)], INSERT_VALUES));
+    SS_TRY(MatAssemblyBegin(into, MAT_FINAL_ASSEMBLY));
+    SS_TRY(MatAssemblyEnd(into, MAT_FINAL_ASSEMBLY));
+  });
+}
+
+// By the explicit pair of Dormand and Prince, order 5, or by an L-stable Rosenbrock method.
+// `any`: the first, however many they are.
+enum class Steps { plain, stiff, any };
+
+// Steps that do not suit the motion: too many of plain ones, or stiff ones of a motion without slips.
+struct NotByThese : Failure {
+  using Failure::Failure;
+};
+
+// The motion of a cell, step by step.
 class Motion {
  public:
-  Motion(const CellField& field, std::vector<double> y, double escape)
+  Motion(const CellField& field, std::vector<double> y, double escape, Steps steps)
       : field_(field), y_(std::move(y)), escape_(escape) {
     SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, PetscInt(y_.size()), y_.data(), u_.out()));
     SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
     SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
-    SS_TRY(TSSetRHSFunction(ts_, nullptr, rates_for_ts, const_cast<CellField*>(&field)));
-    SS_TRY(TSSetType(ts_, TSRK));
-    SS_TRY(TSRKSetType(ts_, TSRK5DP));
+    if (steps == Steps::stiff) {
+      take_implicitly();
+    } else {
+      SS_TRY(TSSetRHSFunction(ts_, nullptr, rates_for_ts, const_cast<CellField*>(&field)));
+      SS_TRY(TSSetType(ts_, TSRK));
+      SS_TRY(TSRKSetType(ts_, TSRK5DP));
+    }
     SS_TRY(TSSetTolerances(ts_, tolerance_of_run, nullptr, tolerance_of_run, nullptr));
     SS_TRY(TSSetMaxSNESFailures(ts_, -1));
     SS_TRY(TSSetMaxSteps(ts_, PETSC_MAX_INT));
@@ -99,10 +134,29 @@ class Motion {
   }
 
  private:
+  void take_implicitly() {
+    const PetscInt d = field_.dim();
+    auto* const context = const_cast<CellField*>(&field_);
+    SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, d, d, nullptr, J_.out()));
+    SS_TRY(TSSetIFunction(ts_, nullptr, residual_for_ts, context));
+    SS_TRY(TSSetIJacobian(ts_, J_, J_, jacobian_for_ts, context));
+    SS_TRY(TSSetType(ts_, TSROSW));
+    SS_TRY(TSRosWSetType(ts_, TSROSWRA34PW2));
+    SNES equations = nullptr;
+    KSP system = nullptr;
+    PC by = nullptr;
+    SS_TRY(TSGetSNES(ts_, &equations));
+    SS_TRY(SNESGetKSP(equations, &system));
+    SS_TRY(KSPSetType(system, KSPPREONLY));
+    SS_TRY(KSPGetPC(system, &by));
+    SS_TRY(PCSetType(by, PCLU));
+  }
+
   const CellField& field_;
   std::vector<double> y_;
   double escape_;  // see model/escape.hpp
   VecHandle u_;
+  MatHandle J_;
   TsHandle ts_;
 };
 
@@ -115,9 +169,10 @@ struct Passage {
 
 class Settling {
  public:
-  Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
+  Settling(const Scene& cell, const std::vector<double>& start, double tolerance, Steps steps)
       : cell_(cell), field_(cell, cell.forced() ? 1 : 0),
-        motion_(field_, in_band_order(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
+        motion_(field_, in_band_order(field_, start.data()), escape_velocity(cell), steps),
+        tolerance_(tolerance), steps_(steps) {}
   SmoothCycle cycle(int turns);
 
  private:
@@ -143,6 +198,7 @@ class Settling {
   CellField field_;
   Motion motion_;
   double tolerance_;
+  Steps steps_;
   size_t section_ = 0;
   double level_ = 0;
   std::vector<double> range_;
@@ -155,9 +211,18 @@ void Settling::choose_section() {
   const size_t d = size_t(field_.dim()), dof = size_t(field_.dof());
   std::vector<double> low(d, 1e300), high(d, -1e300), sum(d);
   Sample last = motion_.now();
-  const double end = 8 * turn(), from = 2 * turn();
-  for (size_t steps = 0; last.t < end; check_steps(++steps)) {
+  // stiff friction creeps for any number of turns between its slips: two of these, from where psi passes v
+  const bool slips = steps_ == Steps::stiff;
+  double end = (slips ? most_turns : 8) * turn(), from = (slips ? most_turns : 2) * turn();
+  level_ = cell_.v;
+  for (size_t steps = 0, passed = 0; last.t < end; check_steps(++steps)) {
+    if (steps_ == Steps::plain && double(steps) > stiff_from * (1 + last.t / turn()))
+      throw NotByThese("stiff");
     const Sample next = motion_.step();
+    if (slips && above(last.y[0]) < 0 && above(next.y[0]) >= 0) {
+      if (passed == 0) from = last.t;
+      if (++passed == 3) end = next.t;
+    }
     for (size_t k = 0; k < d && next.t > from; ++k) {
       low[k] = std::min(low[k], next.y[k]);
       high[k] = std::max(high[k], next.y[k]);
@@ -165,9 +230,10 @@ void Settling::choose_section() {
     }
     last = next;
   }
+  if (slips && last.t >= most_turns * turn()) throw NotByThese("no slips");
   for (size_t k = 0; k < d; k += dof)
     if (high[k] - low[k] > high[section_] - low[section_]) section_ = k;
-  level_ = std::min(high[section_], std::max(low[section_], sum[section_] / (last.t - from)));
+  if (!slips) level_ = std::min(high[section_], std::max(low[section_], sum[section_] / (last.t - from)));
   for (size_t k = 0; k < d; ++k) range_.push_back(std::max(high[k] - low[k], 1e-9));
   samples_ = {last};
 }
@@ -291,7 +357,8 @@ void Settling::dies_out() const {
 SmoothCycle Settling::cycle(int turns) {
   choose_section();
   // without a passage it slides or rests; a load's come without fail, in any number to a turn of the motion
-  const double patience = forced() ? std::numeric_limits<double>::infinity() : 20 * turn();
+  const double turns_of_patience = steps_ == Steps::stiff ? most_turns : 20;
+  const double patience = forced() ? std::numeric_limits<double>::infinity() : turns_of_patience * turn();
   if (forced()) turns = int(std::ceil(turns * std::max(1., turn() / field_.period(0).T)));
   double end = samples_.back().t + patience, best = 1e300, tried = near_enough;
   SmoothCycle found;
@@ -333,7 +400,15 @@ SmoothCycle Settling::cycle(int turns) {
 
 SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns, double tolerance) {
   check_smooth_cell(cell);
-  return Settling(cell, start, tolerance).cycle(turns);
+  const auto settled = [&](Steps steps) { return Settling(cell, start, tolerance, steps).cycle(turns); };
+  if (cell.forced() || !cell.friction.has_state()) return settled(Steps::any);
+  for (const Steps steps : {Steps::plain, Steps::stiff}) {
+    try {
+      return settled(steps);
+    } catch (const NotByThese&) {
+    }
+  }
+  return settled(Steps::any);
 }
 
 }  // namespace stickslip

@@ -209,3 +209,16 @@ def test_a_branch_that_breaks_off_has_not_folded():
                    "-cycle_continue state_b -cycle_to 0.10951931479507722 -cycle_steps 30", command="cycle")
     branch = found["branch"]
     assert found["special"] == [] and "the sequence" in str(branch), branch
+
+
+def test_cells_of_stiff_friction():
+    """Blocks that creep between their slips, which explicit steps could not follow: two that move alike have the period of
+    one, whose cycle is found by another method; where explicit steps still can, the same cycle in other steps."""
+    scene = ("-model_form chain -model_m 1 -model_f0 1 -model_k0 0.3 -friction_law rate-and-state -friction_a 0.05 -friction_b 0.1 "
+             "-friction_D 0.1 ")
+    for v in (0.1, 0.05):
+        one, _ = run(f"{scene} -model_v {v} -grid_n 1", command="cycle")
+        two, _ = run(f"{scene} -model_v {v} -model_k1 0.1 -grid_n 2 -cycle_cell 2", command="cycle")
+        for key in ("period", "psi_min", "psi_max", "force_drop"):
+            assert abs(two[key] / one[key] - 1) < 1e-9, (v, key, two[key], one[key])
+        assert two["stable"] is False  # out of step they part
