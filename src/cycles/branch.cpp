@@ -366,13 +366,13 @@ double special_test(const std::string& kind, CyclePath& path, const Place& row) 
   if (kind == "fold") return path.tangent(row).back();
   const Cycle cycle = path.cycle();
   if (const auto named = cycle.tests.find(kind); named != cycle.tests.end()) return named->second;
-  const auto way = Passing(std::find(std::begin(kinds), std::end(kinds), kind) - std::begin(kinds));
+  const double from = kind == "flip" ? -1 : 1;
   double nearest = std::nan("");
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
     const bool pair = passing(mu) == Passing::as_pair;
-    if (k == cycle.phase_mode || pair != (way == Passing::as_pair)) continue;
-    const double off = pair ? std::abs(mu) - 1 : mu.real() - (way == Passing::at_minus_one ? -1 : 1);
+    if (k == cycle.phase_mode || pair != (kind == "torus")) continue;
+    const double off = pair ? std::abs(mu) - 1 : mu.real() - from;
     if (!(std::abs(off) > std::abs(nearest))) nearest = off;  // the first is compared with NaN
   }
   return nearest;

@@ -25,6 +25,7 @@
 
 #include "model/jump_matrix.hpp"
 #include "model/loops.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
@@ -65,7 +66,7 @@ class StickMotion {
 
   // `tolerance`: of the error estimate of a step, whose order is below that of the result. Throws UsageError
   // for friction that does not stick.
-  explicit StickMotion(const Scene& scene, double tolerance = 1e-13);
+  explicit StickMotion(const Scene& scene, double tolerance = exact_step);
 
   // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the
   // threshold. The motion changes smoothly with its start where a slip only just comes back to rest, and is

@@ -2,6 +2,7 @@
 
 #include <petscdt.h>
 
+#include "numerics/matrix.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -59,10 +60,8 @@ Collocation::Collocation(const Tableau& tableau)
       }()),
       end(tableau.c.size() + 1), a2(a.size()) {
   basis.weights(1, end.data());
-  for (int i = 0; i < s; ++i)
-    for (int k = 0; k < s; ++k)
-      for (int j = 0; j < s; ++j)
-        a2[std::size_t(i * s + j)] += a[std::size_t(i * s + k)] * a[std::size_t(k * s + j)];
+  const auto integrals = as_matrix(a.data(), s, s);
+  as_matrix(a2.data(), s, s) = integrals.lazyProduct(integrals);
 }
 
 const Collocation& Collocation::gauss5() {

@@ -24,8 +24,7 @@ constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a 
 constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
 constexpr double grazes = 1e-6;      // distance from grazing, over 1 + |v|, of an end by grazing
 constexpr double near_fold = 1e-6;   // of the box: from where a fold is placed by its multiplier
-constexpr double to_follow =
-    1e-8;  // error of a step while a line is followed; its points are placed to 1e-13
+constexpr double to_follow = 1e-8;   // error of a step while a line is followed, not of its points
 
 }  // namespace
 

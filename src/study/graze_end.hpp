@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 
@@ -17,7 +18,7 @@ class GrazeEnd : public StickSlipEnd {
 
   std::vector<Crossing> points(std::vector<std::string>& notes) override;
   std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) override;
-  double operator()(double x, double y = 0) override { return distance(x, y, 1e-13); }
+  double operator()(double x, double y = 0) override { return distance(x, y, exact_step); }
   Scene scene(double x, double y = 0) const override;
   std::string fate(double x, double y = 0) const override;
   std::vector<double> on_cycle(double x, double y = 0) const override;

@@ -62,6 +62,7 @@ class GridLadder final : public Ladder {
   double tolerance_seen();
   bool time_is_to_blame();
   bool level_errs_in_time() const;
+  bool may_restart() const { return request_.tolerance_open && restarts_ < 4; }
   [[noreturn]] void give_up_on(const PredictedError& ahead, const std::string& limit) const;
   double estimate_in_space(const Level& now, double d) const;
   void take_last_run();
@@ -364,8 +365,7 @@ void GridLadder::place_run(const PredictedError& ahead) {
 // Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with
 // stricter ones.
 bool GridLadder::time_is_to_blame() {
-  if (!request_.tolerance_open || restarts_ == 4 || levels_.back().tolerance <= 2 * least_tolerance)
-    return false;
+  if (!may_restart() || levels_.back().tolerance <= 2 * least_tolerance) return false;
   ++restarts_;
   const Level& seen = levels_[levels_.size() - 2];
   const Level loose = runs_.run(seen.scene.n, loosened * seen.tolerance);
@@ -480,7 +480,7 @@ double GridLadder::estimate(const Answer& end) {
 // alike in time say nothing of that.
 bool GridLadder::level_errs_in_time() const {
   const Level& last = levels_.back();
-  return request_.tolerance_open && seen_in_time() && restarts_ < 4 && last_run_.tolerance < last.tolerance &&
+  return may_restart() && seen_in_time() && last_run_.tolerance < last.tolerance &&
          error_in_time(last.tolerance, cells_of(last.scene)) > 0.3 * last_difference_;
 }
 

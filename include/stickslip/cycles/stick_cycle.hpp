@@ -52,6 +52,9 @@ struct LoadPhase {
   std::vector<bool> rests{};  // of each node, whether it rests there
 };
 
+// Error of a step of a motion with exact stick, as a rule.
+inline constexpr double exact_step = 1e-13;
+
 // A cycle of a cell on its section.
 struct StickCycle {
   std::vector<double>
@@ -104,7 +107,7 @@ struct Grazing {
   double distance, period;
   bool passes = false;
 };
-Grazing distance_from_graze(const Scene& one_node, double tolerance = 1e-13);
+Grazing distance_from_graze(const Scene& one_node, double tolerance = exact_step);
 
 // The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws
 // Failure.
