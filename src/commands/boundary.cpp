@@ -126,8 +126,8 @@ void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, Found
 
 std::string at_ends(GrowthRate& growth) {
   const Axis& axis = growth.axes()[0];
-  return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
-         number_text(growth(1)) + " at " + number_text(axis.to);
+  return "growth rate " + number_text(growth(0) + 0.) + " at " + axis.name + " " + number_text(axis.from) +
+         ", " + number_text(growth(1) + 0.) + " at " + number_text(axis.to);  // + 0.: no -0
 }
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
   const Axis& axis = growth.axes()[0];
@@ -146,8 +146,8 @@ std::string at_ends(GrowthRate& growth) {
                   why);
   }
   const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
-  throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
-                number_text(*high));
+  throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low + 0.) + " and " +
+                number_text(*high + 0.));
 }
 
 // Throws Failure where sliding has no point.
@@ -245,10 +245,7 @@ std::string slide_along(ForcedBoundary& growth, const std::vector<Crossing>& poi
   for (std::size_t k = 0; k <= points.size(); ++k) {
     const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
     const Axis& axis = growth.axes()[0];
-    text += fmt::format("{}{} from {} to {}", k == 0 ? " " : ", ",
-                        std::isnan(rate) ? "not there"
-                        : rate > 0       ? "unstable"
-                                         : "stable",
+    text += fmt::format("{}{} from {} to {}", k == 0 ? " " : ", ", stability_word(rate),
                         number_text(axis.value(begin)), number_text(axis.value(end)));
     begin = end;
   }

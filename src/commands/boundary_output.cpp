@@ -152,6 +152,13 @@ std::vector<Crossing> FoundBoundary::points() const {
   return all;
 }
 
+std::string stability_word(double rate) {
+  return std::isnan(rate) ? "not there"
+         : rate > 0       ? "unstable"
+         : rate < 0       ? "stable"
+                          : "neither stable nor unstable";
+}
+
 namespace {
 
 // What holds where along an axis, between places on it.
@@ -172,10 +179,8 @@ void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Cr
   std::vector<double> ends;
   for (const Crossing& c : points) ends.push_back(c.x);
   ends.push_back(1);
-  say_along(summary, growth.axes()[0], "sliding is", ends, [&](double middle) {
-    const double rate = growth(middle);
-    return std::isnan(rate) ? "not there" : rate > 0 ? "unstable" : "stable";
-  });
+  say_along(summary, growth.axes()[0], "sliding is", ends,
+            [&](double middle) { return stability_word(growth(middle)); });
 }
 
 // Where uniform motion sticks and slips along the first axis. Where the samples change without a point of

@@ -35,14 +35,16 @@ void mend_ends(F&& f, std::vector<Sample>& samples) {
     }
 }
 
-// Of the zeros that samples show: a sample that is zero is a bracket without width.
+// Of the zeros that samples show: a sample that is zero is a bracket without width; where its neighbour is
+// zero too f vanishes along the way, and no place of it is one.
 inline std::vector<Bracket> brackets_of(const std::vector<Sample>& samples) {
+  const auto is_zero = [&](std::size_t k) { return k < samples.size() && samples[k].f == 0; };
   std::vector<Bracket> found;
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
-    if (a.f == 0)
-      found.push_back({a.x, 0, a.x, 0});
-    else if (a.f * b.f < 0)
+    if (is_zero(k)) {
+      if (!is_zero(k + 1) && (k == 0 || !is_zero(k - 1))) found.push_back({a.x, 0, a.x, 0});
+    } else if (a.f * b.f < 0)
       found.push_back({a.x, a.f, b.x, b.f});
   }
   return found;

@@ -89,6 +89,20 @@ double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
   return std::abs(growth.axes()[0].slope(c.x) * (there - c.growth) / slope);
 }
 
+// Where nothing grows or decays from one sample to the next there is no boundary, but no stability either.
+void note_zero_stretches(const Axis& axis, const std::vector<Sample>& samples,
+                         std::vector<std::string>& notes) {
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    std::size_t last = k;
+    while (last + 1 < samples.size() && samples[k].f == 0 && samples[last + 1].f == 0) ++last;
+    if (last == k) continue;
+    notes.push_back(fmt::format(
+        "the growth rate is 0 from {} {} to {}: sliding is neither stable nor unstable there", axis.name,
+        number_text(axis.value(samples[k].x)), number_text(axis.value(samples[last].x))));
+    k = last;
+  }
+}
+
 }  // namespace
 
 std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings) {
@@ -98,6 +112,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
   mend_ends(growth, samples);  // a threshold law at v = 0
 
+  note_zero_stretches(growth.axes()[0], samples, findings.notes);
   const std::vector<Bracket> brackets = brackets_of(with_touching_zeros(growth, samples));
   const auto changes =
       std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });

@@ -81,6 +81,15 @@ def test_boundary_refuses(words, code, part):
     refused("-grid_n 32 -boundary_from 0.5 -boundary_to 2 " + words, code, part, command="boundary")
 
 
+def test_a_growth_rate_that_is_zero_throughout_has_no_boundary():
+    # Neighbours with viscosity but no spring: short waves neither grow nor decay, at any velocity.
+    words = ("-grid_n 32 -friction_stick regularised -friction_law coulomb -model_nu 2 -model_c 0 -bc_left free "
+             "-boundary_of sliding -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 ")
+    refused(words, 1, "growth rate 0 at model_v 0.5, 0 at 1.5", command="boundary")
+    refused(words + "-boundary_parameter2 model_gamma -boundary_from2 1 -boundary_to2 4", 1, "between 0 and 0",
+            command="boundary")
+
+
 def test_a_jump_is_no_root():
     # A mode that leaves what the grid resolves makes the growth rate jump: no root; the true ones are counted at.
     found, said = run("-boundary_parameter grid_length -boundary_from 1 -boundary_to 100 -grid_n 100 -bc_left velocity "
