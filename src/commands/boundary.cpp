@@ -1,5 +1,7 @@
 // The command `boundary`: where steady sliding loses stability, and where the stick-slip beside it ends, in
 // one option or two.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "commands/boundary_output.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>

@@ -1,5 +1,7 @@
 // The command `cycle`: a periodic oscillation, its multipliers, waves on it, a branch; to the summary, a
 // file, and the terminal.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 // The command `fit`: the options with which a run reproduces a measured course; to the summary, a file, and
 // the terminal.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "base/found_until.hpp"

@@ -4,6 +4,8 @@
 // With a state law F is that of steady sliding at each velocity, the state being what it settles to there. At
 // psi = 0 a law with a threshold may take any value of its stick range; the table holds F(0) = 0, and the
 // range beside it.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <limits>
 #include <string>

@@ -1,5 +1,7 @@
 #include "commands/rank_groups.hpp"
 
+#include <fmt/format.h>
+
 #include <exception>
 #include <string>
 

@@ -1,4 +1,6 @@
 // The command `run`: advances a scene in time and writes frames, probes, series, checkpoints and the summary.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>

@@ -1,5 +1,8 @@
 // A run in which only what slides is advanced (time/clusters.hpp): with stick_clusters.
 #include "base/broadcast.hpp"
+
+#include <fmt/format.h>
+
 #include "base/progress.hpp"
 #include "commands/run_session.hpp"
 #include "stickslip/base/error.hpp"

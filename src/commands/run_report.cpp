@@ -1,4 +1,6 @@
 // What a run says of itself at its end (Run of run_session.hpp).
+#include <fmt/format.h>
+
 #include <cmath>
 #include <csignal>
 

@@ -1,5 +1,6 @@
 #include "commands/run_session.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>

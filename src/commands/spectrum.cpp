@@ -1,4 +1,6 @@
 // The command `spectrum`: steady sliding and the rightmost eigenvalues of the operator linearised about it.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

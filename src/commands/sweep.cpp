@@ -1,4 +1,6 @@
 // The command `sweep`: any other command at many values of its options, in one process, on groups of ranks.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <optional>

@@ -1,5 +1,6 @@
 #include "commands/sweep_session.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>

@@ -4,6 +4,8 @@
 #include <petscdmda.h>
 #include <petscts.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>

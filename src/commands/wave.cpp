@@ -1,5 +1,7 @@
 // The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the
 // terminal.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "base/found_until.hpp"

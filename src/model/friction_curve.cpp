@@ -1,5 +1,7 @@
 #include "model/friction_curve.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -153,7 +153,7 @@ void read_normal(const Options& o, Scene& s) {
 
 // Tables of times are for runs; what repeats, for runs and for commands that look at one period.
 void refuse_loads(const Options& o) {
-  const std::string command = o.command();
+  const std::string& command = o.command();
   if (command.empty() || command == "run" || command == "sweep" || command == "fit") return;
   const bool periodic = command == "cycle" || command == "boundary";
   refuse(o, {"load_v", "load_halt", "load_normal"},

@@ -260,7 +260,9 @@ void check_library_types(const Options& options) {
       for (int i = 0; i < count && registered[i]; ++i) words.push_back(registered[i]);
       SS_TRY(PetscFree(registered));
       // aij stands for seqaij or mpiaij
-      const auto any_of = [&](const std::string& word) { return word == text || word == "seq" + text; };
+      const auto any_of = [&given = text](const std::string& word) {
+        return word == given || word == "seq" + given;
+      };
       if (std::any_of(words.begin(), words.end(), any_of)) continue;
       const std::string near = suggestion(text, words);
       throw usage_error("-{} {}: no such method{}", name, quoted(text),

@@ -85,6 +85,7 @@ void Archive::by_rank(const std::string& name, std::vector<double>& own) {
   (*this)(name, all);
   if (to_) return;
   if (size == 0 ? !all.empty() : all.size() % size != 0) does_not_fit(name);
+  if (size == 0) return;
   const std::size_t rank = std::size_t(rank_in(nodes_.comm));
   own.assign(size, 0.);
   for (std::size_t k = 0; k < all.size(); ++k)

@@ -1,5 +1,6 @@
 #include "stickslip/output/checkpoint.hpp"
 
+#include <fmt/format.h>
 #include <fcntl.h>
 #include <unistd.h>
 

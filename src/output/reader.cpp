@@ -1,5 +1,7 @@
 #include "stickslip/output/reader.hpp"
 
+#include <fmt/format.h>
+
 #include "base/broadcast.hpp"
 #include "base/paths.hpp"
 #include "output/hdf5_tools.hpp"

@@ -98,7 +98,8 @@ std::vector<SummaryKey> keys_of(const Columns<Row>& columns) {
   return keys;
 }
 
-inline Json or_null(Json value) { return value == "" ? Json() : value; }
+// NOLINTNEXTLINE(readability-container-size-empty): the text "", not an empty list
+inline Json or_null(const Json& value) { return value == "" ? Json() : value; }
 
 template <class Row>
 void set_keys(Summary& summary, const Columns<Row>& columns, const Row& row) {

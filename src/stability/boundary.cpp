@@ -1,5 +1,7 @@
 #include "stickslip/stability/boundary.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

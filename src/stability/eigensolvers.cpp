@@ -1,6 +1,8 @@
 // The eigenvalues by SLEPc: all of them, or those near a shift.
 #include <slepceps.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -1,5 +1,7 @@
 #include "stability/search.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,5 +1,7 @@
 #include "stickslip/stability/spectrum.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,5 +1,7 @@
 #include "stickslip/study/accuracy.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "stickslip/study/chart.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -2,6 +2,8 @@
 
 #include <petsctao.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,6 @@
 // A ladder of grids: where the solution is that of a differential equation in x.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "study/ladder.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

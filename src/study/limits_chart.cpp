@@ -1,4 +1,6 @@
 // The command `chart -chart_kind limits`: rows of limits.hpp over grids, orders and values of a parameter.
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "base/progress.hpp"

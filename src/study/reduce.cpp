@@ -1,5 +1,7 @@
 #include "stickslip/study/reduce.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>

@@ -1,5 +1,7 @@
 #include "stickslip/study/size.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "base/broadcast.hpp"

@@ -1,5 +1,7 @@
 #include "study/start_file.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "stickslip/study/step_audit.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -3,6 +3,8 @@
 // The last level is stricter than the run, so that the run's error is its distance from that level. How
 // errors fall with the tolerance says only where the run is to be placed: on a ladder of few levels they fall
 // now faster, now slower, and in chains a run may come near a looser one by chance while both are wrong.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "stickslip/study/trial.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <ctime>

@@ -1,5 +1,7 @@
 #include "study/work_precision.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,6 @@
 // How an Integrator is put together: the method, its split, its steps, and what is refused.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

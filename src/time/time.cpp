@@ -1,5 +1,7 @@
 #include "stickslip/time/time.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <limits>
 #include <utility>
