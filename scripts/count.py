@@ -12,30 +12,29 @@ import xml.etree.ElementTree as xml
 
 
 def counts(path):
-    """(passed, failed) of one file."""
+    """(passed, failed) of one file, and why tests were skipped."""
     try:
         tests = list(xml.parse(path).getroot().iter("testcase"))
     except (OSError, xml.ParseError) as error:
         print(f"no results: {error}", file=sys.stderr)
-        return 0, 1
+        return 0, 1, []
     passed = failed = 0
+    reasons = []
     for test in tests:
         skipped = test.find("skipped")
         if skipped is not None and test.get("status") is None:  # of pytest; what ctest does not run has failed
-            why[skipped.get("message", "")] += 1
+            reasons.append(skipped.get("message", ""))
             continue
         ok = test.get("status", "run") == "run" and test.find("failure") is None and test.find("error") is None
         own = re.findall(r"^(\d+) passed, (\d+) failed$", test.findtext("system-out") or "", re.MULTILINE)
         p, f = map(int, own[-1]) if own else (int(ok), int(not ok))
         passed += p
         failed += max(f, int(not ok))
-    return passed, failed if tests else 1
+    return passed, failed if tests else 1, reasons
 
 
-why = collections.Counter()
-found = [counts(path) for path in sys.argv[1:]]
-passed, failed = (sum(column) for column in zip(*found))
-for reason, times in why.items():
+passed, failed, reasons = zip(*map(counts, sys.argv[1:]))
+for reason, times in collections.Counter(sum(reasons, [])).items():
     print(f"{times} skipped: {reason}")
-print(f"{passed} passed, {failed} failed")
-sys.exit(failed > 0)
+print(f"{sum(passed)} passed, {sum(failed)} failed")
+sys.exit(sum(failed) > 0)

@@ -128,8 +128,8 @@ void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, Found
 
 std::string at_ends(GrowthRate& growth) {
   const Axis& axis = growth.axes()[0];
-  return "growth rate " + number_text(growth(0) + 0.) + " at " + axis.name + " " + number_text(axis.from) +
-         ", " + number_text(growth(1) + 0.) + " at " + number_text(axis.to);  // + 0.: no -0
+  return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
+         number_text(growth(1)) + " at " + number_text(axis.to);
 }
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
   const Axis& axis = growth.axes()[0];
@@ -139,7 +139,7 @@ std::string at_ends(GrowthRate& growth) {
     std::string why = ": " + at_ends(growth);
     if (first * last > 0 && first != last) {
       const bool below = std::abs(first) < std::abs(last);
-      why = std::string(": sliding is ") + (first < 0 ? "stable" : "unstable") + " throughout" + why +
+      why = std::string(": sliding is ") + stability_word(first) + " throughout" + why +
             "; it changes, if anywhere, " + ((axis.from < axis.to) == below ? "below " : "above ") +
             number_text(below ? axis.from : axis.to);
     }
@@ -148,8 +148,8 @@ std::string at_ends(GrowthRate& growth) {
                   why);
   }
   const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
-  throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low + 0.) + " and " +
-                number_text(*high + 0.));
+  throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
+                number_text(*high));
 }
 
 // Throws Failure where sliding has no point.

@@ -154,13 +154,6 @@ std::vector<Crossing> FoundBoundary::points() const {
   return all;
 }
 
-std::string stability_word(double rate) {
-  return std::isnan(rate) ? "not there"
-         : rate > 0       ? "unstable"
-         : rate < 0       ? "stable"
-                          : "neither stable nor unstable";
-}
-
 namespace {
 
 // What holds where along an axis, between places on it.

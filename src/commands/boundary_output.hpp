@@ -31,8 +31,6 @@ struct FoundBoundary {
 
 Columns<FoundBoundary> boundary_keys();
 
-// What a growth rate says of sliding: "stable", "unstable", neither, or that there is none.
-std::string stability_word(double rate);
 // Lines of the summary for people.
 void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
 // A line for each point on stdout. Collective.

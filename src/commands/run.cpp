@@ -14,6 +14,7 @@
 #include "output/series.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/accuracy.hpp"
 #include "stickslip/study/size.hpp"
 #include "study/lyapunov.hpp"
@@ -109,7 +110,8 @@ std::string rounded(const Json& number, int digits = 4) { return rounded_text(nu
 
 // What a rate means for what grows or decays with it.
 std::string course_of(const Json& rate) {
-  return fmt::format("{} like exp({} t)", rate.get<double>() > 0 ? "grow" : "decay", rounded(rate, 3));
+  if (rate == 0) return "neither grow nor decay";
+  return fmt::format("{} like exp({} t)", rate > 0 ? "grow" : "decay", rounded(rate, 3));
 }
 
 // A catalogue's first words.
@@ -158,8 +160,8 @@ std::string motion_words(const Summary& s, const Scene& scene) {
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
   if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
   if (const Json& rate = of(s, "growth_rate"); !rate.is_null())
-    text += fmt::format("; steady sliding is {}: perturbations {}",
-                        rate.get<double>() > 0 ? "unstable" : "stable", course_of(rate));
+    text += fmt::format("; steady sliding is {}: perturbations {}", stability_word(rate.get<double>()),
+                        course_of(rate));
   return text;
 }
 

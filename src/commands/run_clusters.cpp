@@ -1,8 +1,7 @@
 // A run in which only what slides is advanced (time/clusters.hpp): with stick_clusters.
-#include "base/broadcast.hpp"
-
 #include <fmt/format.h>
 
+#include "base/broadcast.hpp"
 #include "base/progress.hpp"
 #include "commands/run_session.hpp"
 #include "stickslip/base/error.hpp"

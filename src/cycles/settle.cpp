@@ -19,6 +19,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/numerics/banded_ksp.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -144,12 +145,9 @@ class Motion {
     SS_TRY(TSRosWSetType(ts_, TSROSWRA34PW2));
     SNES equations = nullptr;
     KSP system = nullptr;
-    PC by = nullptr;
     SS_TRY(TSGetSNES(ts_, &equations));
     SS_TRY(SNESGetKSP(equations, &system));
-    SS_TRY(KSPSetType(system, KSPPREONLY));
-    SS_TRY(KSPGetPC(system, &by));
-    SS_TRY(PCSetType(by, PCLU));
+    solve_by_banded_lu(system);
   }
 
   const CellField& field_;
@@ -206,12 +204,12 @@ class Settling {
   std::deque<Passage> passages_;
 };
 
-// The node that moves most in the first turns, and its mean velocity there.
+// The node that moves most in the first turns, and its mean velocity there; or v where friction is stiff:
+// then the motion creeps for any number of turns between its slips, and two of these are what is looked at.
 void Settling::choose_section() {
   const size_t d = size_t(field_.dim()), dof = size_t(field_.dof());
   std::vector<double> low(d, 1e300), high(d, -1e300), sum(d);
   Sample last = motion_.now();
-  // stiff friction creeps for any number of turns between its slips: two of these, from where psi passes v
   const bool slips = steps_ == Steps::stiff;
   double end = (slips ? most_turns : 8) * turn(), from = (slips ? most_turns : 2) * turn();
   level_ = cell_.v;
@@ -219,7 +217,7 @@ void Settling::choose_section() {
     if (steps_ == Steps::plain && double(steps) > stiff_from * (1 + last.t / turn()))
       throw NotByThese("stiff");
     const Sample next = motion_.step();
-    if (slips && above(last.y[0]) < 0 && above(next.y[0]) >= 0) {
+    if (slips && passes(last, next)) {
       if (passed == 0) from = last.t;
       if (++passed == 3) end = next.t;
     }
@@ -317,8 +315,8 @@ SmoothCycle Settling::shortest(const SmoothCycle& found) const {
   return found;
 }
 
-// An explicit method follows the motion: where friction is stiff (a rate-and-state law that all but rests)
-// its steps are so short that a dozen turns do not fit into memory, or into anybody's patience.
+// Where neither kind of steps suits the motion they are so short that a dozen turns do not fit into memory,
+// or into anybody's patience.
 void Settling::check_steps(size_t steps) const {
   const size_t bytes = sizeof(Sample) + 2 * (size_t(field_.dim()) * sizeof(double) + 16),
                most = size_t(most_memory) / bytes;

@@ -35,18 +35,29 @@ void mend_ends(F&& f, std::vector<Sample>& samples) {
     }
 }
 
-// Of the zeros that samples show: a sample that is zero is a bracket without width; where its neighbour is
-// zero too f vanishes along the way, and no place of it is one.
-inline std::vector<Bracket> brackets_of(const std::vector<Sample>& samples) {
-  const auto is_zero = [&](std::size_t k) { return k < samples.size() && samples[k].f == 0; };
-  std::vector<Bracket> found;
+// The runs of samples that are zero, as intervals: of one sample, which shows a zero there, or of several,
+// between which f vanishes and no place is one.
+inline std::vector<Bracket> zero_runs(const std::vector<Sample>& samples) {
+  std::vector<Bracket> runs;
   for (std::size_t k = 0; k < samples.size(); ++k) {
-    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
-    if (is_zero(k)) {
-      if (!is_zero(k + 1) && (k == 0 || !is_zero(k - 1))) found.push_back({a.x, 0, a.x, 0});
-    } else if (a.f * b.f < 0)
-      found.push_back({a.x, a.f, b.x, b.f});
+    if (samples[k].f != 0) continue;
+    const bool goes_on = k > 0 && samples[k - 1].f == 0;
+    if (!goes_on) runs.push_back({samples[k].x, 0, samples[k].x, 0});
+    runs.back().b = samples[k].x;
   }
+  return runs;
+}
+
+// Of the zeros that samples show, in order; a sample that is zero is a bracket without width.
+inline std::vector<Bracket> brackets_of(const std::vector<Sample>& samples) {
+  std::vector<Bracket> found;
+  for (const Bracket& run : zero_runs(samples))
+    if (run.a == run.b) found.push_back(run);
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const Sample &a = samples[k - 1], &b = samples[k];
+    if (a.f * b.f < 0) found.push_back({a.x, a.f, b.x, b.f});
+  }
+  std::sort(found.begin(), found.end(), [](const Bracket& p, const Bracket& q) { return p.a < q.a; });
   return found;
 }
 

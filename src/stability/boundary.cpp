@@ -22,6 +22,13 @@ std::optional<double> closed_form_velocity(const Scene& s) {
   return v >= 0 && std::isfinite(v) ? std::optional<double>(v) : std::nullopt;
 }
 
+std::string stability_word(double rate) {
+  return std::isnan(rate) ? "not there"
+         : rate > 0       ? "unstable"
+         : rate < 0       ? "stable"
+                          : "neither stable nor unstable";
+}
+
 std::string place_text(const std::vector<Axis>& axes, double x, double y) {
   std::string text = axes[0].name + " = " + number_text(axes[0].value(x));
   if (axes.size() > 1) text += ", " + axes[1].name + " = " + number_text(axes[1].value(y));
@@ -34,6 +41,14 @@ void note_stuck(const std::string& line, const std::string& why, const std::vect
     for (const PlanePoint& p : piece.stuck)
       notes.push_back(
           fmt::format("{} stops inside the box at {}: no way on {}", line, place_text(axes, p.x, p.y), why));
+}
+
+void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes) {
+  for (const Bracket& run : zero)
+    if (run.a < run.b)
+      notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there", axis.name,
+                                  number_text(axis.value(run.a)), number_text(axis.value(run.b)),
+                                  stability_word(0)));
 }
 
 namespace {
@@ -91,20 +106,6 @@ double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
   return std::abs(growth.axes()[0].slope(c.x) * (there - c.growth) / slope);
 }
 
-// Where nothing grows or decays from one sample to the next there is no boundary, but no stability either.
-void note_zero_stretches(const Axis& axis, const std::vector<Sample>& samples,
-                         std::vector<std::string>& notes) {
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    std::size_t last = k;
-    while (last + 1 < samples.size() && samples[k].f == 0 && samples[last + 1].f == 0) ++last;
-    if (last == k) continue;
-    notes.push_back(fmt::format(
-        "the growth rate is 0 from {} {} to {}: sliding is neither stable nor unstable there", axis.name,
-        number_text(axis.value(samples[k].x)), number_text(axis.value(samples[last].x))));
-    k = last;
-  }
-}
-
 }  // namespace
 
 std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings) {
@@ -114,7 +115,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
   mend_ends(growth, samples);  // a threshold law at v = 0
 
-  note_zero_stretches(growth.axes()[0], samples, findings.notes);
+  note_zero_growth(growth.axes()[0], zero_runs(samples), findings.notes);
   const std::vector<Bracket> brackets = brackets_of(with_touching_zeros(growth, samples));
   const auto changes =
       std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });

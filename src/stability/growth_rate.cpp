@@ -163,7 +163,7 @@ bool GrowthRate::near(const Place& a, const Place& b) const {
 
 double GrowthRate::operator()(double x, double y) {
   const auto at = leading(x, y);
-  return at ? at->mode.value.real() : std::numeric_limits<double>::quiet_NaN();
+  return at ? at->mode.value.real() + 0. : std::numeric_limits<double>::quiet_NaN();  // + 0.: no -0
 }
 
 // ---- a point of the boundary

@@ -115,6 +115,7 @@ std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
     findings.samples.growth.push_back(sample.f);
     least_at.push_back({sample.x, least_seen[sample.x]});
   }
+  note_zero_growth(axes_[0], zero_runs(samples), findings.notes);
   std::vector<Crossing> found;
   for (const Bracket& bracket : brackets_of(with_touching_zeros(*this, samples))) {
     const double at = find_root(*this, bracket, 1e-13);

@@ -88,10 +88,9 @@ def test_strong_slips_go_where_the_end_says(scenes):
             ends += 1
             below, above = np.flatnonzero(sample < value * 0.99), np.flatnonzero(sample > value * 1.01)
             check(below.size and below[-1] + 1 < sample.size, f"scene {index}: end at {value}")
-            if not above.size:
-                continue  # so near the border of the range that nothing was looked at beyond
             lives = bool(distance[below[-1]] < 0)
-            check(lives != bool(distance[above[0]] < 0), f"scene {index}: {kind} at {value}: {s}")
+            if above.size:  # not so near the border of the range that nothing was looked at beyond
+                check(lives != bool(distance[above[0]] < 0), f"scene {index}: {kind} at {value}: {s}")
             places += [(0.99 * value, lives), (1.01 * value, not lives)]
         for v, lives in places:
             if growing.size and np.min(np.abs(growing - v)) < 0.02 * v:
@@ -121,4 +120,4 @@ def test_two_blocks_alike_end_as_one(scenes):
                 near = min(abs(value - point["value"]) for value, _, _ in one[0])
                 check(near < 1e-6 * (s["to"] - s["from"]), f"scene {index}: {point} and {one[0]}: {s}")
                 compared += 1
-    check(compared > 0 or drawn < 100, "an end of the motion itself")  # one in some forty
+    check(compared > 0 or not drawn, f"an end of the motion itself among {drawn} scenes: draw more")

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "stickslip/numerics/plane_line.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
 namespace stickslip {
@@ -37,11 +38,16 @@ struct BoundaryFindings {
   std::vector<SpecialPlace> special;  // curves only
 };
 
+// What a growth rate says of sliding: "stable", "unstable", neither where it is 0, or that there is none
+// (NaN).
+std::string stability_word(double rate);
 // The values of the axes at a place of the unit square, in words.
 std::string place_text(const std::vector<Axis>& axes, double x, double y);
 // A note for each end of a line where no way on was found.
 void note_stuck(const std::string& line, const std::string& why, const std::vector<Axis>& axes,
                 const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes);
+// A note for each interval of `zero` (not those without width), along which nothing grows or decays.
+void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes);
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least
 // |growth| between samples of one sign. `error` of a point: growth rate on a grid of half the spacing over
