@@ -352,10 +352,10 @@ int Run::check(Summary& summary) {
 
 // Clusters count on from those of their checkpoint.
 std::int64_t Run::rejections() const {
-  return (clusters_ ? 0 : origin_.rejections) + time_report().rejections;
+  return clusters_ ? clusters_->report.rejections : origin_.rejections + integrator_->report().rejections;
 }
 long Run::rhs_evaluations() const {
-  return clusters_ ? time_report().rhs_evaluations
+  return clusters_ ? clusters_->report.rhs_evaluations
                    : origin_.evaluations + integrator_->report().rhs_evaluations;
 }
 

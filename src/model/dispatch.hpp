@@ -249,6 +249,7 @@ struct LoopFamily {
   static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
                      const Rest&... rest) {
     if (!places.empty() && (!p.terms.none() || places.front().medium))
+      // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDeleteLeaks): it loses sight of what std::function owns
       return loop_of_any<Function, Loop>(p, places, sticking, rest...);
     return table().of(p)(p, sticking, places, rest...);
   }

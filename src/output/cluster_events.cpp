@@ -27,7 +27,7 @@ void ClusterEvents::step(const MovedNodes& m) {
   for (PetscInt k = 0; k < m.count; ++k) {
     if (m.direction[k] == 0) continue;
     const PetscInt i = m.first + k < scene_.n ? m.first + k : m.first + k - scene_.n;
-    if (owner_[i] != whose) {
+    if (!live || owner_[i] != whose) {
       close();
       live = &regions_.live().at(whose = owner_[i]);
     }

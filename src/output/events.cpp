@@ -281,7 +281,7 @@ struct Events::Impl {
       const void* const found = std::memchr(&moving[i], 1, n - i);
       if (!found) break;
       i = std::size_t(static_cast<const unsigned char*>(found) - moving.data());
-      if (owner[i] != whose) event = &regions.live().at(whose = owner[i]);
+      if (!event || owner[i] != whose) event = &regions.live().at(whose = owner[i]);
       end = i + 1;
       while (!counts_half(scene, first + PetscInt(end) - 1) && end < std::min(n, i + side_by_side) &&
              moving[end] && owner[end] == whose && !counts_half(scene, first + PetscInt(end)))

@@ -74,17 +74,18 @@ void Maxima::visit(double value, bool is_maximum) {
   highest_ = std::max(highest_, value);
   lowest_ = std::min(lowest_, value);
   const double least = least_prominence();
-  if (!std::isnan(candidate_) && value >= candidate_) {
-    candidate_ = value;
-  } else if (!std::isnan(candidate_) && candidate_ - value > least) {
+  if (std::isnan(candidate_)) {
+    if (is_maximum && value - low_ > least)
+      candidate_ = value;
+    else
+      low_ = std::min(low_, value);
+  } else if (candidate_ - value > least) {
     maxima_.push_back(candidate_);
     lows_.push_back(low_);
     candidate_ = NAN;
     low_ = value;
-  } else if (std::isnan(candidate_) && is_maximum && value - low_ > least) {
-    candidate_ = value;
-  } else if (std::isnan(candidate_)) {
-    low_ = std::min(low_, value);
+  } else {
+    candidate_ = std::max(candidate_, value);
   }
   if (maxima_.size() <= most) return;
   maxima_.erase(maxima_.begin());

@@ -360,7 +360,7 @@ void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& proble
     if (!(lengths[k] > 0)) fit.together.push_back(problem.parameters[k].name);
   if (!fit.together.empty()) return;
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J * lengths.cwiseInverse().asDiagonal(), Eigen::ComputeThinV);
-  const Eigen::VectorXd s = svd.singularValues();
+  const Eigen::VectorXd& s = svd.singularValues();
   if (!(s[n - 1] > told_apart * s[0])) {
     // the change of the variables that the course does not feel, by what each does to it alone, and by itself
     const Eigen::VectorXd effect = svd.matrixV().col(n - 1).cwiseAbs();

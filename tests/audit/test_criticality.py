@@ -55,7 +55,7 @@ def compare(p, point, what):
         measured = periodic.Oscillations(p, "model_v", amplitudes(p, point["value"]), shape)
         rate, _ = measured.mode(point["value"])
         check(abs(rate - 1j * point["frequency"]) < 1e-9 * abs(rate), f"{what}: the mode, {rate}")
-        by_balance, allowed = measured.lyapunov(point["value"], 0.04 * point["value"])
+        by_balance, allowed = measured.lyapunov(point["value"], 0.02 * point["value"])
         check(abs(by_balance - l) <= allowed,
               f"{what}: {point['lyapunov_of']} {l}, by oscillations {by_balance} +- {allowed}: {p}")
         compared.append(allowed / abs(l))
