@@ -141,7 +141,7 @@ class Straight : public PlaneLine {
   Straight(double top, bool vanishing) : top_(top), vanishing_(vanishing) {}
   Way begin(bool forwards) override {
     at_ = {0.5, 0};
-    return {forwards ? Way::inside : Way::out, forwards ? M_PI / 2 : -M_PI / 2};
+    return {forwards ? Way::inwards : Way::outwards, forwards ? M_PI / 2 : -M_PI / 2};
   }
   std::optional<NextPoint> ahead(double radius, double heading) override {
     next_ = {0.5, std::min(1., at_.y + radius)};

@@ -30,9 +30,9 @@ class FunctionLine : public PlaneLine {
     at_ = start_;
     side_ = forwards ? 1 : -1;
     double angle = guess_ + (forwards ? 0 : M_PI);
-    if (on_border_ && !inside(towards(start_, angle, 1e-3))) return {Way::out, angle};
+    if (on_border_ && !inside(towards(start_, angle, 1e-3))) return {Way::outwards, angle};
     for (int k = 0; k < 2; ++k, angle += M_PI)
-      if (turn(step_ / 8, angle)) return {Way::inside, angle};
+      if (turn(step_ / 8, angle)) return {Way::inwards, angle};
     return {};
   }
 

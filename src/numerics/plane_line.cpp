@@ -20,7 +20,7 @@ LineEnd follow(PlaneLine& line, PlanePoint start, PlaneLine::Way way, const Step
                std::vector<PlanePoint>& points) {
   constexpr double shortest = 1e-5;
   points = {start};
-  if (way.leads == PlaneLine::Way::out) return LineEnd::border;
+  if (way.leads == PlaneLine::Way::outwards) return LineEnd::border;
   if (way.leads == PlaneLine::Way::unknown) return LineEnd::stuck;
   const double longest = settings.longest;
   double heading = way.heading, radius = settings.first;

@@ -125,7 +125,7 @@ class LineOfEnds : public PlaneLine {
     if (!heading_) return {};
     const double angle = *heading_ + (forwards ? 0 : M_PI);
     const bool out = border_ahead(first_.at, towards({0, 0}, angle, 1)).distance < 1e-9;
-    return {out ? Way::out : Way::inside, angle};
+    return {out ? Way::outwards : Way::inwards, angle};
   }
 
   std::optional<NextPoint> ahead(double radius, double heading) override {

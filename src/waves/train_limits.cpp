@@ -304,7 +304,7 @@ class LimitLine : public PlaneLine {
     turning_ = forwards ? frequency_slope_ : -frequency_slope_;
     if (std::isnan(heading_)) return {};
     const double y = box_.place(first_.found.limit).y;
-    return {(forwards ? y >= 1 : y <= 0) ? Way::out : Way::inside, heading_ + (forwards ? 0 : M_PI)};
+    return {(forwards ? y >= 1 : y <= 0) ? Way::outwards : Way::inwards, heading_ + (forwards ? 0 : M_PI)};
   }
 
   std::optional<NextPoint> ahead(double radius, double heading) override {

@@ -30,7 +30,7 @@ class PlaneLine {
   virtual ~PlaneLine() = default;
   // Where a way along the line goes at first: that is not known, out of the square, or inside it.
   struct Way {
-    enum { unknown, out, inside } leads = unknown;
+    enum { unknown, outwards, inwards } leads = unknown;
     double heading = 0;  // radians, in the coordinates in which the line's steps are measured
   };
   struct NextPoint {
