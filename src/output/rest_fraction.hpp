@@ -15,6 +15,7 @@ class RestFraction : public Observer {
   static SummaryKey key();
   // Of a run that ends at t_end.
   RestFraction(const Model& model, double t_end);
+  static double bytes_a_node() { return 8; }  // memory: rests_
 
   void plan(ObservationPlan& plan) override { by_clusters_ = plan.by_clusters; }
   void step(const ObservedStep& step) override;

@@ -8,6 +8,7 @@
 #include "base/memory.hpp"
 #include "output/field_watch.hpp"
 #include "output/frames.hpp"
+#include "output/rest_fraction.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/output/displacement.hpp"
@@ -16,6 +17,7 @@
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
+#include "study/simulate_clusters.hpp"
 #include "time/banded_imex.hpp"
 #include "time/choice.hpp"
 #include "time/dense_output.hpp"
@@ -97,13 +99,16 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
   const double exponents = double(options.integer("lyapunov_count"));
   double bytes = u.V + 8 + (scene.unit_amplitude() ? 0 : 8) + FieldWatch::bytes_a_node() +
-                 bytes_of_steps(u, way, file || exponents > 0 || sticks);
+                 RestFraction::bytes_a_node() + bytes_of_steps(u, way, file || exponents > 0 || sticks);
   if (file) bytes += Frames::bytes_a_node(u.V);
   if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
   if (file && options.boolean("out_displacement")) bytes += Displacement::bytes_a_node(scene);
   if (options.boolean("out_events")) bytes += Events::bytes_a_node(options.boolean("out_rupture"));
   if (exponents > 0) bytes += Tangents::bytes_a_node(u.dof, exponents);
   if (sticks) bytes += Stick::bytes_a_node(u.V);
+  // as far as the options tell: the run itself may find a reason not to
+  if (sticks && way.name() == "rk:5dp" && !way.fixed && options.text("stick_clusters") != "off")
+    bytes += ClusterRun::bytes_a_node();
   return bytes;
 }
 
