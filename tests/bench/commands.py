@@ -80,10 +80,10 @@ def shares(command, words, took):
         functions = [line.split(None, 1)[1] for line in sample.splitlines()[1:] if len(line.split(None, 1)) > 1]
         chain = "\n".join(functions)
         kind = ("files" if re.search(FILES, chain) else "computation" if re.search(COMPUTES[command], chain)
-                else "rest" if re.search(r"stickslip::\w+_command", chain) else "start")
+                else "rest" if re.search(rf"::{command}(\(|$)", chain, re.M) else "start")
         kinds[kind] += 1
         if kind == "rest":
-            for function in {f for f in functions if "stickslip::" in f and "_command" not in f}:
+            for function in {f for f in functions if "stickslip::" in f and "::main(" not in f}:
                 rest[function] = rest.get(function, 0) + 1
     total = max(1, sum(kinds.values()))
     return {kind: count / total for kind, count in kinds.items()}, {f: count / total for f, count in rest.items()}
