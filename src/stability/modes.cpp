@@ -194,6 +194,20 @@ bool same(const Mode& a, const Mode& b) {
   return overlap > 0.5;
 }
 
+// What the mirror image about half of `about` has beside the mode itself; nothing if they are one.
+std::optional<Mode> image_beside(const LinearisedOperator& s, const Mode& m, std::size_t about) {
+  Mode image = m;
+  const std::size_t n = s.size();
+  for (std::size_t i = 0; i < n; ++i) image.psi[i] = m.psi[(about + n - i) % n];
+  const Complex part = inner(m.psi, image.psi) / inner(m.psi, m.psi);
+  if (std::norm(part) > 0.999 * inner(image.psi, image.psi).real() / inner(m.psi, m.psi).real()) return {};
+  for (std::size_t i = 0; i < n; ++i) image.psi[i] -= part * m.psi[i];
+  normalise(image.psi);
+  image.residual = s.mode_residual(image.value, image.psi);
+  image.wavenumber = s.wavenumber(image.psi);
+  return image;
+}
+
 }  // namespace
 
 void merge(std::vector<Mode>& modes, std::vector<Mode> more) {
@@ -207,16 +221,10 @@ void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes) {
   if (!s.uniform || !s.scene.ring()) return;
   std::vector<Mode> images;
   for (const Mode& m : modes) {
-    Mode image = m;
-    const std::size_t n = s.size();
-    for (std::size_t i = 0; i < n; ++i) image.psi[i] = m.psi[(n - i) % n];
-    const Complex part = inner(m.psi, image.psi) / inner(m.psi, m.psi);
-    if (std::norm(part) > 0.999 * inner(image.psi, image.psi).real() / inner(m.psi, m.psi).real()) continue;
-    for (std::size_t i = 0; i < n; ++i) image.psi[i] -= part * m.psi[i];
-    normalise(image.psi);
-    image.residual = s.mode_residual(image.value, image.psi);
-    image.wavenumber = s.wavenumber(image.psi);
-    images.push_back(std::move(image));
+    std::optional<Mode> image = image_beside(s, m, 0);
+    const double quarter = M_PI / 2 / (m.wavenumber * s.scene.h());  // a standing wave may stand about node 0
+    if (!image && quarter < double(s.size())) image = image_beside(s, m, std::lround(quarter));
+    if (image) images.push_back(std::move(*image));
   }
   merge(modes, std::move(images));
 }

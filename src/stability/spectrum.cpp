@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "stability/closed_form.hpp"
@@ -59,7 +61,25 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   return change;
 }
 
-// All eigenvalues by LAPACK; of them what is shown, and some more, polished.
+bool refined(const LinearisedOperator& s, const Mode& from, Mode& mode) {
+  return polish(s, mode) && std::abs(mode.value - from.value) <= 1e-6 * (1 + std::abs(from.value));
+}
+
+// Two real eigenvalues that are equal, or nearly, come from LAPACK as a pair with a frequency of round-off: the
+// other one, whose vector is what is left of the pair's beside the first one's.
+std::optional<Mode> real_twin(const LinearisedOperator& s, const Mode& pair, const Mode& first) {
+  Mode other = pair;
+  other.value = pair.value.real();
+  const Complex part = inner(first.psi, pair.psi) / inner(first.psi, first.psi);
+  for (std::size_t i = 0; i < s.size(); ++i) other.psi[i] -= part * first.psi[i];
+  if (!refined(s, pair, other) || other.value.imag() > 0) return std::nullopt;
+  std::vector<Mode> both{first};
+  merge(both, {other});
+  return both.size() == 2 ? std::optional(other) : std::nullopt;
+}
+
+// All eigenvalues by LAPACK; of them what is shown, and some more, polished. What cannot be polished without
+// the loss of an eigenvalue stays as it is.
 std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettings& settings, double height) {
   std::vector<Mode> modes = dense_modes(s, s.unknowns());
   // LAPACK's round-off hides which of equal real parts is larger
@@ -68,13 +88,20 @@ std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettin
       std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
       modes.end());
   modes.resize(shown_modes(s, modes, height, settings.count + 2));
+  std::vector<Mode> twins;
   for (Mode& m : modes) {
     Mode polished = m;
     m.residual = s.mode_residual(m.value, m.psi);
     m.wavenumber = s.wavenumber(m.psi);
-    if (polish(s, polished) && std::abs(polished.value - m.value) <= 1e-6 * (1 + std::abs(m.value)))
-      m = polished;
+    if (!refined(s, m, polished)) continue;
+    if (m.value.imag() > 0 && polished.value.imag() == 0) {
+      std::optional<Mode> twin = real_twin(s, m, polished);
+      if (!twin) continue;
+      twins.push_back(std::move(*twin));
+    }
+    m = std::move(polished);
   }
+  std::move(twins.begin(), twins.end(), std::back_inserter(modes));
   return modes;
 }
 
