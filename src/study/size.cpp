@@ -27,7 +27,7 @@ namespace stickslip {
 
 namespace {
 
-constexpr double of_rank = 45e6;         // the libraries
+constexpr double of_rank = 50e6;         // the libraries
 constexpr double too_small = 1e8;        // what any machine has
 constexpr double most_of_a_node = 4000;  // bytes, so that small scenes are not looked at
 
@@ -98,10 +98,12 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   const Unknowns u(scene);
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
   const double exponents = double(options.integer("lyapunov_count"));
-  double bytes = u.V + 8 + (scene.unit_amplitude() ? 0 : 8) + FieldWatch::bytes_a_node() +
-                 RestFraction::bytes_a_node() + bytes_of_steps(u, way, file || exponents > 0 || sticks);
+  // a checkpoint copies it
+  const double state = u.V + FieldWatch::bytes_a_node() + RestFraction::bytes_a_node();
+  double bytes =
+      state + 8 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way, file || exponents > 0 || sticks);
   if (file) bytes += Frames::bytes_a_node(u.V);
-  if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
+  if (file && options.is_set("out_checkpoint_every")) bytes += state;
   if (file && options.boolean("out_displacement")) bytes += Displacement::bytes_a_node(scene);
   if (options.boolean("out_events")) bytes += Events::bytes_a_node(options.boolean("out_rupture"));
   if (exponents > 0) bytes += Tangents::bytes_a_node(u.dof, exponents);

@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", "build/stickslip"))
-RANK = 45e6  # bytes from the start
+RANK = 50e6  # bytes from the start
 ADDRESSES = 500_000_000  # with which the program starts, and a scene is made
 RUN = "run -init_type sine -scene_reduce off -ts_max_time 1"
 ENDS, STATE, FILE = "-bc_left free -bc_right free", "-friction_law rate-and-state", "-out_file m.h5"
