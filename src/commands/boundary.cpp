@@ -13,6 +13,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
+#include "stickslip/output/regime.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/medium_lines.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
@@ -113,14 +114,18 @@ void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, Found
   found.verified = verify_boundary(growth, options, found.sliding, checks, shown);
   warn_of_damping(options, found.verified, found.sliding);
   const auto at = [&](const Verified& v) { return growth.axes()[0].name + " " + number_text(v.value); };
+  const auto ended = [](const std::string& motion) {
+    return motion == to_string(Motion::undecided) ? " is undecided in its time or a million steps"
+                                                  : " ends in " + motion;
+  };
   for (const Verified& v : found.verified)
     if (v.from_sliding != v.expected)
-      warn("time integration from slightly perturbed sliding at " + at(v) + " ends in " + v.from_sliding +
+      warn("time integration from slightly perturbed sliding at " + at(v) + ended(v.from_sliding) +
            " where the growth rate " + number_text(v.growth) + " says " + v.expected);
   if (found.cell) return;  // a flip or a torus changes no word of a run
   for (const Verified& v : verify_end(growth, end, options, found.stick_slip, checks, shown)) {
     if (v.from_stick_slip != v.expected)
-      warn("time integration of uniform motion from the cycle at " + at(v) + " ends in " + v.from_stick_slip +
+      warn("time integration of uniform motion from the cycle at " + at(v) + ended(v.from_stick_slip) +
            " where the end of stick-slip says " + v.expected);
     found.verified.push_back(v);
   }

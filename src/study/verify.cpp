@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -30,8 +31,10 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
   }
 }
 
+constexpr std::int64_t most_steps = 1000000;  // of a motion: stiff friction can ask for a hundred times that
+
 // Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time
-// that would decide, up to four times as long. The method is the program's own choice for the scene, adaptive
+// that would decide, up to four times as long, and undecided where it takes too many steps. The method is the program's own choice for the scene, adaptive
 // and accurate: the user's -ts_ options do not reach it, since a damping method with long steps would make
 // sliding look stable (docs/methods.md). Collective over the model's ranks.
 Motion regime_from(const Options& options, const Model& model, const SteadySliding& s, double growth, Vec u,
@@ -41,7 +44,8 @@ Motion regime_from(const Options& options, const Model& model, const SteadySlidi
   regime.know(growth, growth);
   double t = 0;
   for (double end = duration;;) {
-    simulate(integrator, u, {t, end}, {&regime});
+    simulate(integrator, u, {t, end, most_steps}, {&regime});
+    if (integrator.report().steps >= most_steps) return Motion::undecided;
     t = end;
     const Measured& found = regime.result(u);
     if (!found.time_to_decide || *found.time_to_decide > 4 * duration || *found.time_to_decide <= t)

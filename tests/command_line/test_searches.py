@@ -268,3 +268,13 @@ def test_a_node_set_to_its_threshold_starts_within_round_off():
             "-model_c 1.8031278062369689 -model_nu 0.07840215677473467 -model_v -0.046341425543874465 "
             "-friction_law carlson-langer -friction_alpha 1.0295443409074023 -friction_sigma 0 -cycle_cell 0 -init_noise 0.3",
             1, "without repeating", command="cycle")
+
+
+def test_a_check_in_time_that_needs_too_many_steps_is_undecided():
+    found, said = run("-grid_n 8 -grid_length 8 -model_gamma 7.17 -model_delta 1.5 -model_delta_sign printed -model_nu 0.004 "
+                      "-friction_law carlson-langer -friction_alpha 0.72 -friction_sigma 0.01 -friction_stick regularised "
+                      "-friction_eps 0.0155 -state_law healing -state_t_h 0.34 -state_tau_inf 1.41 -boundary_parameter model_v "
+                      "-boundary_from 0.034 -boundary_to 13.5 -boundary_verify 1", command="boundary")
+    one = found["verified"][0]
+    check(one["from_sliding"] == one["regime"] == "undecided" and one["expected"] == "stick-slip", one)
+    check("is undecided in its time or a million steps where the growth rate" in said, said)
