@@ -65,8 +65,8 @@ bool refined(const LinearisedOperator& s, const Mode& from, Mode& mode) {
   return polish(s, mode) && std::abs(mode.value - from.value) <= 1e-6 * (1 + std::abs(from.value));
 }
 
-// Two real eigenvalues that are equal, or nearly, come from LAPACK as a pair with a frequency of round-off: the
-// other one, whose vector is what is left of the pair's beside the first one's.
+// Two real eigenvalues that are equal, or nearly, come from LAPACK as a pair with a frequency of round-off:
+// the other one, whose vector is what is left of the pair's beside the first one's.
 std::optional<Mode> real_twin(const LinearisedOperator& s, const Mode& pair, const Mode& first) {
   Mode other = pair;
   other.value = pair.value.real();

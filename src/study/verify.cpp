@@ -31,7 +31,8 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
   }
 }
 
-constexpr std::int64_t most_steps = 1000000;  // of a motion: stiff friction can ask for a hundred times that
+// of a motion: stiff friction can ask for a hundred times that
+constexpr std::int64_t most_steps = 1000000;
 
 // Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time
 // that would decide, up to four times as long, and undecided where it takes too many steps. The method is the program's own choice for the scene, adaptive
