@@ -389,8 +389,8 @@ def draw_chart(random):
                  init_amplitude=random.uniform(-0.5, 0.5), ts_max_time=random.uniform(0.5, 1),
                  chart_methods="rk:5dp,arkimex:3:friction", chart_tolerances="1e-3,1e-5", chart_grids=9, chart_orders=2)
         begin = time.monotonic()
-        call(words_for({**o, "chart_reference_seconds": 1}), 1, "chart")
-        if time.monotonic() - begin < 1:
+        call(words_for({**o, "chart_reference_seconds": 20}), 1, "chart")
+        if time.monotonic() - begin < 5:
             return {**o, "chart_reference_seconds": 600}  # no clock decides how fine the reference is
 
 
