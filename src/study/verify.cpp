@@ -35,9 +35,10 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
 constexpr std::int64_t most_steps = 1000000;
 
 // Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time
-// that would decide, up to four times as long, and undecided where it takes too many steps. The method is the program's own choice for the scene, adaptive
-// and accurate: the user's -ts_ options do not reach it, since a damping method with long steps would make
-// sliding look stable (docs/methods.md). Collective over the model's ranks.
+// that would decide, up to four times as long, and undecided where it takes too many steps. The method is the
+// program's own choice for the scene, adaptive and accurate: the user's -ts_ options do not reach it, since a
+// damping method with long steps would make sliding look stable (docs/methods.md). Collective over the
+// model's ranks.
 Motion regime_from(const Options& options, const Model& model, const SteadySliding& s, double growth, Vec u,
                    double duration) {
   Integrator integrator(model, MethodSpec::from(options), u, "verify_");
