@@ -31,13 +31,24 @@ void RestFraction::step(const ObservedStep& step) {
         dt * (model_.scene().n - double(model_.held(0)) - double(model_.held(model_.scene().n - 1)));
     return;
   }
-  const Reading a(step.u);
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    if (model_.held(model_.first() + i)) continue;
-    const double rests = std::abs(a[i * model_.dof()]) <= slow_ ? 1 : 0;
-    rested_[0] += dt * rests * rests_[i];
+  rested_[0] += dt * double(look_at(step.u));
+}
+
+long RestFraction::look_at(Vec u) {
+  const Reading values(u);
+  const double* const psi = values + 0;
+  const double slow = slow_;
+  const PetscInt dof = model_.dof();
+  PetscInt begin = 0, end = model_.local();  // held are ends of the line alone
+  if (begin < end && model_.held(model_.first())) ++begin;
+  if (begin < end && model_.held(model_.first() + end - 1)) --end;
+  long both = 0;
+  for (PetscInt i = begin; i < end; ++i) {
+    const std::uint8_t rests = std::abs(psi[i * dof]) <= slow;
+    both += rests & rests_[i];
     rests_[i] = rests;
   }
+  return both;
 }
 
 // What is advanced and slides does not rest.
@@ -51,7 +62,9 @@ void RestFraction::archive(Archive& a) {
   if (!a.has("rest.rested")) return;
   double t_end = t_end_;
   a("rest.measured", t_end, measured_);
-  a.nodes("rest.rests", {&rests_});
+  std::vector<double> rests(rests_.begin(), rests_.end());
+  a.nodes("rest.rests", {&rests});
+  rests_.assign(rests.begin(), rests.end());
   a.by_rank("rest.rested", rested_);
   if (t_end == t_end_) return;
   measured_ = 0;  // the last quarter of another run
