@@ -184,8 +184,6 @@ std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& mo
   return shown;
 }
 
-namespace {
-
 bool same(const Mode& a, const Mode& b) {
   if (std::abs(a.value - b.value) > 1e-7 * (1 + std::abs(a.value))) return false;
   if (a.psi.empty() || b.psi.empty()) return true;
@@ -194,6 +192,13 @@ bool same(const Mode& a, const Mode& b) {
   return overlap > 0.5;
 }
 
+void remove_part(std::vector<Complex>& p, const std::vector<Complex>& q) {
+  const Complex part = inner(q, p) / inner(q, q);
+  for (std::size_t i = 0; i < p.size(); ++i) p[i] -= part * q[i];
+}
+
+namespace {
+
 // What the mirror image about half of `about` has beside the mode itself; nothing if they are one.
 std::optional<Mode> image_beside(const LinearisedOperator& s, const Mode& m, std::size_t about) {
   Mode image = m;
@@ -201,7 +206,7 @@ std::optional<Mode> image_beside(const LinearisedOperator& s, const Mode& m, std
   for (std::size_t i = 0; i < n; ++i) image.psi[i] = m.psi[(about + n - i) % n];
   const Complex part = inner(m.psi, image.psi) / inner(m.psi, m.psi);
   if (std::norm(part) > 0.999 * inner(image.psi, image.psi).real() / inner(m.psi, m.psi).real()) return {};
-  for (std::size_t i = 0; i < n; ++i) image.psi[i] -= part * m.psi[i];
+  remove_part(image.psi, m.psi);
   normalise(image.psi);
   image.residual = s.mode_residual(image.value, image.psi);
   image.wavenumber = s.wavenumber(image.psi);

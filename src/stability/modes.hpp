@@ -57,6 +57,10 @@ void sort_modes(std::vector<Mode>& modes, double tolerance);
 // at least one that is no symmetry.
 std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height,
                         PetscInt count);
+// Whether they are one: nearly the same value and shape.
+bool same(const Mode& a, const Mode& b);
+// p without what it has of q.
+void remove_part(std::vector<Complex>& p, const std::vector<Complex>& q);
 // Adds those that are not there yet.
 void merge(std::vector<Mode>& modes, std::vector<Mode> more);
 // A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two.

@@ -70,12 +70,9 @@ bool refined(const LinearisedOperator& s, const Mode& from, Mode& mode) {
 std::optional<Mode> real_twin(const LinearisedOperator& s, const Mode& pair, const Mode& first) {
   Mode other = pair;
   other.value = pair.value.real();
-  const Complex part = inner(first.psi, pair.psi) / inner(first.psi, first.psi);
-  for (std::size_t i = 0; i < s.size(); ++i) other.psi[i] -= part * first.psi[i];
-  if (!refined(s, pair, other) || other.value.imag() > 0) return std::nullopt;
-  std::vector<Mode> both{first};
-  merge(both, {other});
-  return both.size() == 2 ? std::optional(other) : std::nullopt;
+  remove_part(other.psi, first.psi);
+  if (!refined(s, pair, other) || other.value.imag() > 0 || same(first, other)) return std::nullopt;
+  return other;
 }
 
 // All eigenvalues by LAPACK; of them what is shown, and some more, polished. What cannot be polished without
