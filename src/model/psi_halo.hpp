@@ -2,7 +2,7 @@
 // the ends of the scene what these make of nodes inside (stencil.hpp).
 #pragma once
 
-#include <mpi.h>
+#include <petscsys.h>
 
 #include <utility>
 #include <vector>

@@ -1,6 +1,6 @@
 #include "output/catalogue.hpp"
 
-#include <mpi.h>
+#include <petscsys.h>
 
 #include <algorithm>
 #include <cmath>
