@@ -1,10 +1,14 @@
 #include "base/lone_process.hpp"
 
+#include <petscsys.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <optional>
 #include <string>
 
 namespace stickslip {
@@ -31,14 +35,60 @@ bool stands_in_file(const std::string& name) {
   return false;
 }
 
-}  // namespace
-
-void prepare_lone_process() {
-  if (has_launcher()) return;
+// What keeps a single process from asking for more than it needs.
+void set_parameters() {
   const char* const parameters[][2] = {{"ess_singleton_isolated", "1"}, {"pml", "ob1"}, {"btl", "self"}};
   for (const auto& [name, value] : parameters)
     if (!stands_in_file(name)) setenv((std::string("OMPI_MCA_") + name).c_str(), value, 0);
   setenv("HWLOC_COMPONENTS", "-linuxio,-pci", 0);  // no device is asked for
+}
+
+// While this lives, Open MPI's folders for temporary files lie in one that no other process knows. Where none can be
+// made, MPI finds its own or says why not.
+class OwnTemporaryFolder {
+ public:
+  OwnTemporaryFolder() {
+    std::error_code none;
+    const char* asked = std::getenv(names[0]);
+    const std::filesystem::path base = asked ? asked : std::filesystem::temp_directory_path(none);
+    std::string name = (base / "stickslip-XXXXXX").string();
+    if (none || !mkdtemp(name.data())) return;
+    folder_ = name;
+    for (std::size_t i = 0; i < std::size(names); ++i) {
+      if (const char* set = std::getenv(names[i])) before_[i] = set;
+      setenv(names[i], folder_.c_str(), 1);
+    }
+  }
+  ~OwnTemporaryFolder() {
+    if (folder_.empty()) return;
+    for (std::size_t i = 0; i < std::size(names); ++i)
+      before_[i] ? setenv(names[i], before_[i]->c_str(), 1) : unsetenv(names[i]);
+    std::error_code none;
+    std::filesystem::remove_all(folder_, none);
+  }
+  OwnTemporaryFolder(const OwnTemporaryFolder&) = delete;
+  OwnTemporaryFolder& operator=(const OwnTemporaryFolder&) = delete;
+
+ private:
+  static constexpr const char* names[] = {"OMPI_MCA_orte_tmpdir_base", "TMPDIR"};  // of Open MPI 4; of 5 and later
+  std::string folder_;
+  std::optional<std::string> before_[std::size(names)];
+};
+
+bool init(int& argc, char**& argv) {
+  int provided = 0;
+  return MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) == MPI_SUCCESS;
+}
+
+}  // namespace
+
+bool start_mpi(int& argc, char**& argv) {
+  if (has_launcher()) return init(argc, argv);
+  set_parameters();
+  const char* isolated = std::getenv("OMPI_MCA_ess_singleton_isolated");
+  if (!isolated || isolated != std::string("1")) return init(argc, argv);  // beside a daemon, which needs the folder
+  const OwnTemporaryFolder folder;
+  return init(argc, argv);
 }
 
 }  // namespace stickslip

@@ -44,6 +44,8 @@ class Libraries {
     install_error_handler();
     insert_library_options(options);
     SS_TRY(PetscOptionsSetValue(nullptr, "-no_signal_handler", "true"));
+    // what was left unused is said by this program, in its own words
+    if (!options.is_set("options_left")) SS_TRY(PetscOptionsSetValue(nullptr, "-options_left", "false"));
     if (help) SS_TRY(PetscOptionsSetValue(nullptr, "-help", nullptr));
     // What PETSc asks for before all else it must find on the command line: where such an option is set
     // already, PETSc sets it again from the very text that this frees.
@@ -169,9 +171,7 @@ int stickslip::main(int argc, char** argv) {
   if (argc == 2 && std::string(argv[1]) == "--tables") return std::fputs(tables_text().c_str(), stdout) < 0;
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of file size is met as an error of the write, like a full disk
   keep_signals();
-  prepare_lone_process();
-  int provided = 0;
-  if (MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return 1;
+  if (!start_mpi(argc, argv)) return 1;
   int code = 1;
   try {
     code = program(argc, argv);

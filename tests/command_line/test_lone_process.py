@@ -3,6 +3,7 @@ import os
 import re
 import shutil
 import subprocess
+import time
 
 import pytest
 
@@ -17,6 +18,28 @@ def version(**more):
 def test_no_daemon_is_started():
     done = version(OPAL_BINDIR="/nonexistent")  # where Open MPI's daemon would be
     assert done.returncode == 0 and done.stdout.startswith("stickslip "), done.stderr
+
+
+def test_its_folder_is_its_own(tmp_path):
+    """Open MPI has one folder for all processes of a user, and each that ends removes it: whoever starts at that moment
+    dies. Here none can be made at all. Nothing is left by one that is done, refuses, is at work or is killed."""
+    shared = tmp_path / f"ompi.{os.uname().nodename}.{os.geteuid()}"
+    shared.write_text("")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("OMPI_MCA_")}
+    environment["TMPDIR"] = str(tmp_path)
+    for more in ({}, {"OMPI_MCA_orte_tmpdir_base": str(tmp_path)}):
+        done = version(**environment, **more)
+        assert done.returncode == 0 and done.stdout.startswith("stickslip "), done.stderr
+    assert subprocess.run([PROGRAM, "run", "-grid_n", "0"], env=environment, capture_output=True, check=False).returncode == 2
+    shared.unlink()
+    before = set(os.listdir(tmp_path))
+    with subprocess.Popen([PROGRAM, "run", "-ts_max_time", "1e9", "-out_file", "a.h5", "-out_every", "1e6", "-progress", "off"],
+                          env=environment) as process:
+        while process.poll() is None and not os.path.exists("a.h5"):
+            time.sleep(0.01)
+        at_work = set(os.listdir(tmp_path))
+        process.kill()
+    assert at_work == before == set(os.listdir(tmp_path)), at_work - before
 
 
 def test_a_daemon_is_started_where_the_user_asks():
