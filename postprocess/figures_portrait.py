@@ -21,7 +21,7 @@ class Portrait:
             name_axes(axes, y=name)
         name_axes(self.curves["eta"], x=across)
         name_axes(self.phase, "psi", "eta")
-        self.picture.align_ylabels(self.curves.values())
+        self.picture.align_ylabels(list(self.curves.values()))
 
     def draw_curves(self, across, psi, eta):
         for name, values in (("psi", psi), ("eta", eta)):

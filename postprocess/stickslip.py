@@ -48,15 +48,21 @@ def program():
     return os.environ.get("STICKSLIP") or shutil.which("stickslip") or os.path.normpath(beside)
 
 
+def word_of(value, between=","):
+    """A value as it is typed: numbers of Python, numpy and xarray alike; a list or array joined by commas, pairs in it
+    (times and values, places and values) by colons."""
+    if hasattr(value, "__array__"):
+        value = np.asarray(value).tolist()
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple, range)):
+        return between.join(word_of(one, ":") for one in value)
+    return str(value)
+
+
 def words_of(settings):
-    """Options of a command line: ts_max_time=10 is -ts_max_time 10, a list becomes comma-joined, None is left out."""
-    words = []
-    for name, value in settings.items():
-        if value is None:
-            continue
-        value = "true" if value is True else "false" if value is False else value
-        words += ["-" + name, ",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)]
-    return words
+    """Options of a command line: ts_max_time=10 is -ts_max_time 10, None is left out."""
+    return [word for name, value in settings.items() if value is not None for word in ("-" + name, word_of(value))]
 
 
 def run(command, *words, ranks=1, **settings):
@@ -65,7 +71,7 @@ def run(command, *words, ranks=1, **settings):
     with tempfile.TemporaryDirectory() as folder:
         summary = os.path.join(folder, "summary.json")
         line = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        line += [program(), command, *map(str, words), *words_of(settings), "-progress", "off", "-summary", summary]
+        line += [program(), command, *map(word_of, words), *words_of(settings), "-progress", "off", "-summary", summary]
         done = subprocess.run(line, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             said = [one for one in done.stderr.splitlines() if one.startswith("stickslip: error: ")]

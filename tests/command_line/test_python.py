@@ -5,7 +5,9 @@ import os
 import re
 import sys
 
+import numpy as np
 import pytest
+import xarray
 
 from calls import PROGRAM, SOURCE, check, run
 
@@ -35,6 +37,25 @@ def test_what_it_refuses():
     run("-grid_n 8 -ts_max_time 1 -out_file a.h5")
     with pytest.raises(stickslip.Unusable, match="no group 'probes' .it has .*series"):
         stickslip.open("a.h5", "probes")
+
+
+def test_values_of_numpy_and_xarray():
+    import stickslip
+    typed = [(np.float64(0.1), "0.1"), (np.float32(0.5), "0.5"), (np.int64(7), "7"), (np.bool_(True), "true"), (False, "false"),
+             (np.linspace(0, 1, 3), "0.0,0.5,1.0"), ([np.float64(0.1), 2], "0.1,2"), (np.array(3), "3"), ("steady", "steady"),
+             (np.array([[0, 1], [2.5, 3]]), "0.0:1.0,2.5:3.0"), ([(0, 1), (2, 3)], "0:1,2:3"), (range(3), "0,1,2"),
+             (xarray.DataArray(0.25), "0.25"), (xarray.DataArray([1, 2]), "1,2"), (np.str_("rk:5dp"), "rk:5dp")]
+    for value, word in typed:
+        check(stickslip.words_of({"x": value}) == ["-x", word], f"{value!r}: {stickslip.words_of({'x': value})}")
+    check(stickslip.words_of({"x": None}) == [], "None is left out")
+    draw = np.random.default_rng(2026)
+    for kind in (np.float64, np.float32, np.float16, np.int32, np.uint8):
+        values = (draw.uniform(-1, 1, 40) * 10.0**draw.integers(-4, 3, 40)).astype(kind)
+        check(all(kind(stickslip.word_of(one)) == one for one in values), f"{kind}: every bit")
+        check(np.array_equal(np.array(stickslip.word_of(values).split(","), kind), values), f"{kind}: an array")
+    block = {"model_form": "chain", "grid_n": np.int64(1), "bc_left": "free", "ts_max_time": np.float32(1.5)}
+    check(stickslip.run("run", load_v=np.array([[0, 0.5], [1, 0.75]]), out_displacement=np.bool_(True), **block)["t_end"] == 1.5,
+          "a run")
 
 
 def plot(*words, code=0):
