@@ -18,7 +18,8 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/stickslipConfig.cmake.in
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/generated/stickslipConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/generated/stickslipConfig.cmake
-              ${PROJECT_BINARY_DIR}/generated/stickslipConfigVersion.cmake DESTINATION ${package})
+              ${PROJECT_BINARY_DIR}/generated/stickslipConfigVersion.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/stickslipLibraries.cmake DESTINATION ${package})
 
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/runs DESTINATION ${share})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/postprocess DESTINATION ${share} USE_SOURCE_PERMISSIONS

@@ -41,10 +41,15 @@ install_missing() {
 
 cores=$(env -u OMP_NUM_THREADS nproc)  # nproc obeys that variable
 
-# Open MPI: allow root and more ranks than cores, start a single process without a daemon.
+# Open MPI: allow root and more ranks than cores, start a single process without a daemon. tests/CMakeLists.txt asks here.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
 export OMPI_MCA_mpi_yield_when_idle=1 OMPI_MCA_hwloc_base_binding_policy=none OMPI_MCA_pml=ob1
+export OMPI_MCA_btl_tcp_if_include=lo  # release 5 complains where there is no other network
 export OMPI_MCA_ess_singleton_isolated=1 OMPI_MCA_btl_vader_single_copy_mechanism=none OMP_NUM_THREADS=1
+case $(mpirun --version 2>/dev/null) in  # the names of later releases
+  *"Open MPI) 5."*) export PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe PRTE_MCA_hwloc_default_binding_policy=none ;;
+  *"Open MPI) "[6-9].*) export PRTE_MCA_mapby=:oversubscribe PRTE_MCA_bindto=none ;;
+esac
 export HWLOC_HIDE_ERRORS=2  # it complains on stderr where /sys is not mounted
 export LC_ALL=C.UTF-8 MPLBACKEND=Agg
 [ -n "${HOME-}" ] || export HOME=${TMPDIR:-/tmp}  # matplotlib wants one, for its cache

@@ -3,10 +3,10 @@
 #define CATCH_CONFIG_RUNNER
 #include <slepcsys.h>
 
-#include <catch2/catch.hpp>
-
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 
+#include <array>
 #include <cstdio>
 #include <vector>
 
@@ -15,10 +15,10 @@ namespace {
 // Which test cases failed on this rank, in the order in which all ranks ran them.
 std::vector<int> failed_here;
 
-struct Outcomes : Catch::TestEventListenerBase {
-  using TestEventListenerBase::TestEventListenerBase;
+struct Outcomes : CatchListener {
+  using CatchListener::CatchListener;
   void testCaseEnded(const Catch::TestCaseStats& stats) override {
-    TestEventListenerBase::testCaseEnded(stats);
+    CatchListener::testCaseEnded(stats);
     failed_here.push_back(stats.totals.testCases.failed > 0);
   }
 };
@@ -47,7 +47,9 @@ int main(int argc, char** argv) {
   char** names = name;
   if (SlepcInitialize(&one, &names, nullptr, nullptr)) return 1;
   stickslip::install_error_handler();
-  int mine = Catch::Session().run(argc, argv);
+  Catch::Session session;
+  session.applyCommandLine(3, std::array<const char*, 3>{argv[0], "--order", "decl"}.data());  // on every rank
+  int mine = session.run(argc, argv);
   int all = 0;
   MPI_Allreduce(&mine, &all, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
   print_counts();

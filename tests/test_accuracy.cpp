@@ -1,8 +1,8 @@
 // -accuracy: its short runs are those of PETSc's rk, and orders are foreseen as they come.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 
+#include "catch.hpp"
 #include "study/pilot.hpp"
 #include "study/ladder.hpp"
 #include "stickslip/base/error.hpp"

@@ -1,12 +1,12 @@
 // What is named to an archive is saved and restored: every kind of entry, on any number of ranks, and what
 // does not fit.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <limits>
 
 #include "base/broadcast.hpp"
 #include "base/local_copy.hpp"
+#include "catch.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/output/archive.hpp"
 

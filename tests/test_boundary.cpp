@@ -1,8 +1,8 @@
 // The boundary of sliding against the thresholds known in closed form, and the shape of traced curves.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/vary.hpp"

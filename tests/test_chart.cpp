@@ -1,9 +1,9 @@
 // The pure parts of chart: what the rows are, which are best, how good the reference is.
-#include <catch2/catch.hpp>
 
 #include <algorithm>
 #include <cmath>
 
+#include "catch.hpp"
 #include "stickslip/study/chart.hpp"
 #include "stickslip/base/error.hpp"
 

@@ -1,11 +1,11 @@
 // The fastest wave of a uniform continuum against all of its waves, one by one.
-#include <catch2/catch.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
 
+#include "catch.hpp"
 #include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 

@@ -1,9 +1,9 @@
 // First Lyapunov coefficients of Hopf points against closed forms, and the ways to them against each other.
 // Random scenes stand in tests/audit/test_criticality.py, against oscillations solved for.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/vary.hpp"

@@ -1,9 +1,9 @@
 // Cycles of smooth friction: periods, multipliers, waves, branches, cells.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <complex>
 
+#include "catch.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/deviations.hpp"
 #include "cycles/infinite_period.hpp"

@@ -1,10 +1,10 @@
 // The catalogue of slip events against motion that is known.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "catch.hpp"
 #include "output/rupture.hpp"
 #include "stickslip/output/events.hpp"
 

@@ -1,6 +1,5 @@
 // Summaries, HDF5 files, checkpoints. The central test records every write that the HDF5 library makes into
 // the file of a run and opens the file as a kill would have left it after each of them.
-#include <catch2/catch.hpp>
 #include <hdf5.h>
 #include <petscvec.h>
 #include <sys/stat.h>
@@ -19,6 +18,7 @@
 #include <sstream>
 
 #include "base/json_values.hpp"
+#include "catch.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/output/checkpoint.hpp"
@@ -245,7 +245,7 @@ TEST_CASE("outputs that cannot be written are found before any work", "[output]"
   put(folder / "old.json", " {\"command\": \"run\"}\n");
   put(folder / "empty", "");
   put(folder / "foreign.h5", "\x89HDF\r\n\x1a\n and nothing else");
-  const auto of = [](const std::string& text) { return Catch::Contains(text); };
+  const auto of = [](const std::string& text) { return Contains(text); };
   const auto summary = [&](const std::string& path) {
     return usage_error([&] { check_summary_path(path); });
   };
@@ -301,7 +301,7 @@ TEST_CASE("run file: frames come back, on every rank, more than were expected to
   CHECK(last.index == 9);
   CHECK(last.count == 10);
   CHECK(last.options == some_provenance().options);
-  CHECK_THAT(usage_error([&] { read_frame("init_file", path, 10); }), Catch::Contains("10 frames"));
+  CHECK_THAT(usage_error([&] { read_frame("init_file", path, 10); }), Contains("10 frames"));
   const DataArray probes = read_array("x", path, "probes/psi");
   CHECK(probes.shape == std::vector<std::size_t>{5010, 2});
   bool right = true;
@@ -361,7 +361,7 @@ TEST_CASE("run file: removed or replaced under way is told", "[output]") {
   write_frame(file2, 0, 4);
   put(folder / "other", "another file");
   if (my_rank() == 0) rename((folder / "other").c_str(), path2.c_str());
-  CHECK_THROWS_WITH(file2.close(), Catch::Contains("another file has taken its place"));
+  CHECK_THROWS_WITH(file2.close(), Contains("another file has taken its place"));
 }
 
 TEST_CASE("run file: readable after every single write, torn ones included", "[output][serial]") {
@@ -501,7 +501,7 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
                const RunFile other(PETSC_COMM_WORLD, path, some_provenance(), some_layout(n + 1, 3),
                                    RunFile::Resume{path, 3});
              }),
-             Catch::Contains("another grid"));
+             Contains("another grid"));
   CHECK(read_frame("x", path).count == 5);
 }
 
@@ -568,11 +568,11 @@ TEST_CASE("result file: dimensions, groups, texts", "[output]") {
   CHECK(read_array("x", path, "mode").values == std::vector<double>{0, 1});
   CHECK(read_array("x", path, "branch/speed").values == std::vector<double>{3, 4});
   CHECK_THAT(usage_error([&] { read_frame("init_file", path); }),
-             Catch::Contains("the result of `spectrum`"));
+             Contains("the result of `spectrum`"));
   CHECK_THAT(usage_error([&] { read_array("init_file", path, "nope"); }),
-             Catch::Contains("no dataset 'nope'"));
+             Contains("no dataset 'nope'"));
   CHECK_THAT(usage_error([&] { read_array("init_file", path, "method"); }),
-             Catch::Contains("not hold numbers"));
+             Contains("not hold numbers"));
 
   ResultFile wrong(PETSC_COMM_WORLD, folder / "w.h5", some_provenance("spectrum"));
   wrong.scale({"x", "length", "position"}, {0, 1, 2});
@@ -649,13 +649,13 @@ TEST_CASE("checkpoint: exact to the last bit, damage found, the newest kept", "[
   for (const std::size_t at : {std::size_t(30), std::size_t(512), good.size() / 2, good.size() - 1}) {
     std::string bad = good;
     bad[at] = static_cast<char>(bad[at] ^ 0x10);
-    CHECK_THAT(damaged(bad), Catch::Contains("is damaged"));
+    CHECK_THAT(damaged(bad), Contains("is damaged"));
   }
-  CHECK_THAT(damaged(good.substr(0, good.size() - 8)), Catch::Contains("is damaged"));
-  CHECK_THAT(damaged(good.substr(0, 100)), Catch::Contains("is damaged"));
-  CHECK_THAT(damaged(""), Catch::Contains("not a checkpoint"));
-  CHECK_THAT(damaged("t: 3\n"), Catch::Contains("not a checkpoint"));
+  CHECK_THAT(damaged(good.substr(0, good.size() - 8)), Contains("is damaged"));
+  CHECK_THAT(damaged(good.substr(0, 100)), Contains("is damaged"));
+  CHECK_THAT(damaged(""), Contains("not a checkpoint"));
+  CHECK_THAT(damaged("t: 3\n"), Contains("not a checkpoint"));
   CHECK_THAT(usage_error([&] { read_checkpoint(folder / "none.h5"); }),
-             Catch::Contains("restart '" + (folder / "none.h5") + "': No such file"));
-  CHECK_THAT(usage_error([&] { read_checkpoint(folder / ""); }), Catch::Contains("is not a file"));
+             Contains("restart '" + (folder / "none.h5") + "': No such file"));
+  CHECK_THAT(usage_error([&] { read_checkpoint(folder / ""); }), Contains("is not a file"));
 }

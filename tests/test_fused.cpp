@@ -1,8 +1,8 @@
 // The step of rk that takes all stages tile by tile, against the same step put together stage by stage.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "time/fused_step.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"

@@ -1,9 +1,9 @@
 // The step of arkimex that takes friction implicitly tile by tile, against the equations it is to solve.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "model/dispatch.hpp"
 #include "model/implicit_kernel.hpp"
 #include "shared.hpp"

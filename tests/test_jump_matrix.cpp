@@ -1,7 +1,7 @@
 // The jump of a deviation at a start or a stop, against motions on either side of the event.
-#include <catch2/catch.hpp>
 #include <random>
 
+#include "catch.hpp"
 #include "model/jump_matrix.hpp"
 
 using namespace stickslip;

@@ -1,10 +1,10 @@
 // The loops over nodes: whole ranges, parts of them, both compilations and any number of ranks give the same
 // bits.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 #include <vector>
 
+#include "catch.hpp"
 #include "model/dispatch.hpp"
 #include "model/kernel.hpp"
 #include "numerics/elementary.hpp"

@@ -1,9 +1,9 @@
 // The tracer of zero lines on functions whose lines are known.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <limits>
 
+#include "catch.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 
 using namespace stickslip;

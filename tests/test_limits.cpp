@@ -2,9 +2,9 @@
 // characteristic polynomials, and each failure beside what the program says of it.
 // tests/command_line/test_limits.py has the same from the command line.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
 #include "shared.hpp"

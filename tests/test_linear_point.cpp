@@ -1,8 +1,8 @@
 // The linearisation of a node against what it is derived from.
-#include <catch2/catch.hpp>
 #include <complex>
 #include <random>
 
+#include "catch.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/model.hpp"
 

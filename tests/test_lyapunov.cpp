@@ -1,8 +1,8 @@
 // Tangent vectors against differences of two motions, the statistics of their growth, the dimension.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/archive.hpp"

@@ -1,8 +1,8 @@
 // Manufactured solutions: fields chosen in advance, the source that makes them exact, and the order at which
 // the semi-discrete system with that source comes back to them, in space and in time.
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 

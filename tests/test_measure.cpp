@@ -1,5 +1,4 @@
 // What a run measures while it goes on: wave speeds, the word for its motion, whatever its steps and ranks.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <complex>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "base/local_values.hpp"
+#include "catch.hpp"
 #include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
 #include "output/regime_classifier.hpp"

@@ -7,13 +7,13 @@
 #include <petsclog.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <sstream>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "study/step_forecast.hpp"

@@ -1,7 +1,7 @@
 // The semi-discrete system: stencils and ends, halo over ranks, Jacobians, spread.
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"

@@ -1,6 +1,6 @@
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"

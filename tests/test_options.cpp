@@ -1,5 +1,4 @@
 // The option table, the checks of values, and the scene built from them.
-#include <catch2/catch.hpp>
 
 #include <slepceps.h>
 #include <petscts.h>
@@ -8,6 +7,7 @@
 
 #include "asked_options.hpp"
 #include "base/failure.hpp"
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
@@ -16,7 +16,6 @@
 #include "stickslip/model/scene.hpp"
 
 using namespace stickslip;
-using Catch::Matchers::Contains;
 
 namespace {
 

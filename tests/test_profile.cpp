@@ -1,10 +1,10 @@
 // Profiles along x and loads: what holds between the places given, at them, round a ring; integrals and
 // corners.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "stickslip/model/load.hpp"
 #include "stickslip/model/profile.hpp"
 

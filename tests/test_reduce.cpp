@@ -1,8 +1,8 @@
 // The smallest problem for a scene, and what it cannot show: unstable waves on a uniform motion.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/stability/steady_sliding.hpp"

@@ -1,11 +1,11 @@
 // The root finder: on every function the place is within the tolerance, and calls stay within the bound of
 // its contract.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <functional>
 #include <vector>
 
+#include "catch.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 using namespace stickslip;

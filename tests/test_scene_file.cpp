@@ -1,13 +1,12 @@
 // Scene files: what is understood, and what is refused with file and line.
-#include <catch2/catch.hpp>
 
 #include <petscsys.h>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/scene_file.hpp"
 
 using namespace stickslip;
-using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 
 namespace {

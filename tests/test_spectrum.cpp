@@ -1,6 +1,5 @@
 // The eigenvalues of steady sliding against LAPACK on the Jacobian of the time-stepping model, against the
 // exact dispersion relation, and the thresholds known in closed form.
-#include <catch2/catch.hpp>
 
 #include <petscsys.h>
 #include <petscblaslapack.h>
@@ -9,6 +8,7 @@
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/stability/argument_principle.hpp"

@@ -7,11 +7,11 @@
 #include <petscblaslapack.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <functional>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"

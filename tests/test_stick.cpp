@@ -1,12 +1,12 @@
 // Friction that sticks: what is known exactly of blocks, chains and media that rest and slide.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
 #include <functional>
 #include <map>
 #include <set>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/base/error.hpp"

@@ -1,8 +1,8 @@
 // Cycles of friction that sticks: closed forms, differences of motions, and where a slip fails to come back.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
+#include "catch.hpp"
 #include "cycles/stick_deviations.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"

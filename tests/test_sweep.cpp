@@ -1,9 +1,9 @@
 // The parts of a sweep that know nothing of scenes: Sobol's points, and the search for changes on a lattice.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <set>
 #include <unordered_map>
 
+#include "catch.hpp"
 #include "stickslip/numerics/change_search.hpp"
 #include "stickslip/numerics/sobol.hpp"
 

@@ -1,8 +1,8 @@
 // Where trains merge and where their stability changes, against trains and spectra computed anew.
-#include <catch2/catch.hpp>
 
 #include <cmath>
 
+#include "catch.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
 using namespace stickslip;

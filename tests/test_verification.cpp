@@ -2,11 +2,11 @@
 // identities, uniform motion, travelling waves.
 #include <slepceps.h>
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <functional>
 
+#include "catch.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/base/error.hpp"

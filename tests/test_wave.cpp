@@ -1,8 +1,8 @@
 #include <Eigen/LU>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <ctime>
 
+#include "catch.hpp"
 #include "commands/wave_options.hpp"
 #include "numerics/cyclic.hpp"
 #include "stickslip/base/error.hpp"
@@ -217,18 +217,18 @@ TEST_CASE("trains with a state law that another integration knows", "[wave][stat
 
 TEST_CASE("trains that cannot be are refused with the reason", "[wave]") {
   const Scene scene = undamped(.5);
-  CHECK_THROWS_WITH(solve_train(scene, {1, {}, .9}), Catch::Contains("|V| > model_c"));
+  CHECK_THROWS_WITH(solve_train(scene, {1, {}, .9}), Contains("|V| > model_c"));
   CHECK_THROWS_AS(solve_train(scene, {1, {}, -1.}), UsageError);
   CHECK_THROWS_AS(solve_train(scene, {0, 100., {}}), UsageError);
   CHECK_THROWS_AS(solve_train(scene, {1, 100., 2.}), UsageError);
   CHECK_THROWS_AS(solve_train(scene, {1, {}, {}}), UsageError);
   CHECK_THROWS_AS(solve_train(undamped(1), {1, 100., {}}), Failure);
   // ceil(100/5.3788) - 1 = 18 fit
-  CHECK_THROWS_WITH(solve_train(scene, {19, 100., {}}), Catch::Contains("at most 18 fit"));
+  CHECK_THROWS_WITH(solve_train(scene, {19, 100., {}}), Contains("at most 18 fit"));
   CHECK(solve_train(scene, {18, 100., {}}).speed > 1);
   Scene chain;
   chain.form = Form::chain;
-  CHECK_THROWS_WITH(solve_train(chain, {1, 100., {}}), Catch::Contains("continuum only"));
+  CHECK_THROWS_WITH(solve_train(chain, {1, 100., {}}), Contains("continuum only"));
   Scene spread;
   spread.spread = .1;
   CHECK_THROWS_AS(solve_train(spread, {1, 100., {}}), UsageError);
@@ -256,7 +256,7 @@ TEST_CASE("a branch through the canard explosion to the Hopf point", "[wave][bra
   const Options options = Options().with("model_delta", 0.).with("wave_length", 50.).with("wave_pulses", "2");
   const Branch branch = continue_train(options, "model_v", 1.1, 100);
   REQUIRE(branch.points.size() > 10);
-  CHECK_THAT(branch.end, Catch::Contains("amplitude vanishes at model_v = 1,"));
+  CHECK_THAT(branch.end, Contains("amplitude vanishes at model_v = 1,"));
   int folds = 0;
   double largest_step = 0;
   for (size_t i = 0; i < branch.points.size(); ++i) {
@@ -280,7 +280,7 @@ TEST_CASE("branches in length and speed agree with trains solved for alone", "[w
   const Options options = Options().with("wave_length", 30.);
   const Branch branch = continue_train(options, "wave_length", 6, 40);
   CHECK(branch.points.back().value == 6);
-  CHECK_THAT(branch.end, Catch::Contains("reached"));
+  CHECK_THAT(branch.end, Contains("reached"));
   CHECK(branch.points.back().train.speed == Approx(solve_train(Scene(), {1, 6., {}}).speed).epsilon(1e-9));
   const Branch down = continue_train(Options().with("wave_speed", 2.), "wave_speed", 1.01, 40);
   CHECK(down.points.back().train.length == Approx(solve_train(Scene(), {1, {}, 1.01}).length).epsilon(1e-9));
@@ -291,7 +291,7 @@ TEST_CASE("a branch of canards that differ by less than round-off in the paramet
   const Options options =
       Options().with("model_delta", 0.).with("model_gamma", 10.).with("model_v", .99).with("wave_speed", 2.);
   const Branch branch = continue_train(options, "model_v", 1.1, 200);
-  CHECK_THAT(branch.end, Catch::Contains("amplitude vanishes at model_v = 1,"));
+  CHECK_THAT(branch.end, Contains("amplitude vanishes at model_v = 1,"));
   int on_the_spot = 0;  // within 1e-9 of the explosion, though psi_min runs from -1.9 to 0.7
   for (const BranchPoint& point : branch.points) on_the_spot += std::abs(point.value - .99905715378) < 1e-9;
   CHECK(on_the_spot > 20);
@@ -333,7 +333,7 @@ TEST_CASE("branches that cannot be", "[wave][branch][serial]") {
   auto asked = [&](const char* name, const char* to) {
     return options.with("wave_continue", name).with("wave_to", to);
   };
-  CHECK_THROWS_WITH(check_branch(asked("model_w", "1")), Catch::Contains("did you mean model_"));
+  CHECK_THROWS_WITH(check_branch(asked("model_w", "1")), Contains("did you mean model_"));
   CHECK_THROWS_AS(check_branch(asked("model_gamma", "-1")), UsageError);
   CHECK_THROWS_AS(check_branch(asked("wave_speed", "2")), UsageError);
   CHECK_THROWS_AS(check_branch(asked("grid_n", "2")), UsageError);

@@ -1,6 +1,6 @@
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/waves/wave_stability.hpp"

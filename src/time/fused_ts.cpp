@@ -157,7 +157,8 @@ struct FusedTs::Callbacks {
   }
   static PetscErrorCode TSRollBack_Fused(TS ts) { return VecCopy(self(ts).before_, ts->vec_sol); }
 
-  static PetscErrorCode TSSetFromOptions_Fused(TS ts, PetscOptionItems* PetscOptionsObject) {
+  template <class Items>  // PETSc's, which have been a pointer of themselves since 3.23
+  static PetscErrorCode TSSetFromOptions_Fused(TS ts, Items PetscOptionsObject) {
     FusedMethod& method = *self(ts).method_;
     if (subtype_option(method.type()).empty()) return 0;
     std::vector<const char*> names;
