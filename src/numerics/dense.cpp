@@ -61,6 +61,32 @@ std::vector<std::complex<double>> eigenvalues(int d, std::vector<T> a) {
 template std::vector<std::complex<double>> eigenvalues(int, std::vector<double>);
 template std::vector<std::complex<double>> eigenvalues(int, std::vector<std::complex<double>>);
 
+std::vector<Eigenpair> eigenpairs(int d, std::vector<double> a) {
+  const std::size_t n = d;
+  std::vector<double> re(n), im(n), vectors(n * n), work(1);
+  const int one = 1;
+  int info = 0;
+  for (int size = -1;; size = int(work.size())) {  // first asks for the room
+    dgeev_("N", "V", &d, a.data(), &d, re.data(), im.data(), nullptr, &one, vectors.data(), &d, work.data(),
+           &size, &info, 1, 1);
+    if (size > 0 || info != 0) break;
+    work.resize(std::size_t(work[0]));
+  }
+  if (info != 0) throw Failure("LAPACK found no eigenvalues");
+  std::vector<Eigenpair> pairs;
+  for (std::size_t k = 0; k < n; ++k) {
+    if (im[k] < 0) continue;
+    Eigenpair pair{{re[k], im[k]}, std::vector<std::complex<double>>(n)};
+    for (std::size_t i = 0; i < n; ++i)
+      pair.vector[i] = {vectors[k * n + i], im[k] > 0 ? vectors[(k + 1) * n + i] : 0};
+    pairs.push_back(std::move(pair));
+  }
+  std::stable_sort(pairs.begin(), pairs.end(), [](const Eigenpair& x, const Eigenpair& y) {
+    return x.value.real() > y.value.real();
+  });
+  return pairs;
+}
+
 template <class T>
 std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<T> a, std::vector<T> b) {
   std::vector<std::complex<double>> values(d);

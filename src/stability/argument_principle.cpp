@@ -10,6 +10,7 @@
 #include "stability/phase_steps.hpp"
 #include "stability/stretches.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/stability/continuum.hpp"
 
 namespace stickslip {
 
@@ -99,7 +100,7 @@ struct Polynomial {
 class Tree {
  public:
   Tree(const LinearisedOperator& s, PhaseTurn& result, std::size_t zeros)
-      : s_(s), result_(result), zeros_(zeros), rows_(s) {}
+      : s_(s), result_(result), zeros_(zeros), rows_(s), own_(own_rate(s)) {}
 
   void follow(const ContourPiece& piece, int depth = 0) {
     if (depth > 40) throw Unsettled();
@@ -211,7 +212,7 @@ class Tree {
     const bool known = unsettled <= 100 * settled_over(1) * size ||
                        ((level.noise > 1 || halvings > 5) && unsettled <= 1e-3 * least);
     if (!settled_ends || !known) {
-      if (depth > 60 || std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from)))
+      if (depth > 60 || std::abs(piece.to - piece.from) < 1e-13 * (own_ + std::abs(piece.from)))
         throw Unsettled();
       Level half[2];
       for (Level& side : half) side.map.resize(1);
@@ -229,6 +230,7 @@ class Tree {
   PhaseTurn& result_;
   std::size_t zeros_;
   const Rows rows_;
+  const double own_;
 };
 
 void keep_rightmost(std::vector<Complex>& zeros, std::size_t count) {

@@ -254,8 +254,8 @@ class Placing {
     const Placed on = put_on_curve(f, at.at, at.across, slope);
     if (!at.border) slope_ = slope;
     Crossing c = growth_.crossing(on.at.x, on.at.y);
-    if (on.found && std::abs(c.growth) > 1e-13 && std::abs(c.growth / slope) < 1e-8) {  // a last Newton step
-      const double step = -c.growth / slope;
+    const double step = -c.growth / slope;
+    if (on.found && std::abs(step) > 1e-13 && std::abs(step) < 1e-8) {  // a last one of Newton's method
       const Crossing next = growth_.crossing(std::clamp(c.x + step * at.across.x, 0., 1.),
                                              std::clamp(c.y + step * at.across.y, 0., 1.));
       if (std::abs(next.growth) < std::abs(c.growth)) c = next;

@@ -5,6 +5,7 @@
 
 #include "stability/phase_steps.hpp"
 #include "stickslip/stability/argument_principle.hpp"
+#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
 namespace stickslip {
@@ -108,7 +109,7 @@ std::optional<long> count_directly(const LinearisedOperator& s, double a, double
 // D2 is symmetric; or is diagonally dominant.
 double right_of_all(const LinearisedOperator& s) {
   if (!s.symmetric()) return 1.01 * s.imaginary_bound();
-  double x = 1e-3 * s.rate_of(s.K0 + s.K1) + 1e-300;
+  double x = 1e-3 * spring_frequency(s);
   for (std::size_t i = 0; i < s.size(); ++i) {
     const LinearPoint p = s.point(i);
     while (x / p.A + p.beta() - (p.has_state ? std::abs(p.q()) / (x + p.r()) : 0) <= 0) x *= 1.1;

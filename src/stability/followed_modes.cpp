@@ -5,12 +5,13 @@
 #include <limits>
 
 #include "stability/modes.hpp"
+#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
 double count_margin(const LinearisedOperator& s, double frequency, double part) {
-  return part * (s.rate_of(s.K0 + s.K1) + frequency);
+  return part * (spring_frequency(s) + frequency);
 }
 
 double same_growth(const LinearisedOperator& s) { return same_growth(s.mean()); }
@@ -81,8 +82,9 @@ double FollowedModes::line_behind(const LinearisedOperator& s, const Mode& m) co
 // Adds a mode that counts and is not there yet.
 bool FollowedModes::add(const LinearisedOperator& s, Mode&& m, std::vector<FollowedMode>& all) const {
   if (m.psi.size() != s.size() || m.value.imag() > reach(s) || is_neutral(s, m)) return false;
+  const double near = nearness(s, m.value);
   for (const FollowedMode& o : all)
-    if (std::abs(o.mode.value - m.value) < 1e-7 * (1 + std::abs(m.value))) return false;
+    if (std::abs(o.mode.value - m.value) < near) return false;
   all.push_back({std::move(m), {}});
   return true;
 }

@@ -171,15 +171,16 @@ double GrowthRate::operator()(double x, double y) {
 
 namespace {
 
-// |J x - lambda x|/|x| of a sine wave of the continuum where all nodes are alike; NaN at infinite
-// wavenumbers.
+// LinearisedOperator::mode_residual of a sine wave of the continuum where all nodes are alike; NaN at
+// infinite wavenumbers.
 double relation_residual(const LinearisedOperator& s, const Mode& m) {
   const double k = m.wavenumber;
   if (!std::isfinite(k)) return std::numeric_limits<double>::quiet_NaN();
   const LinearPoint medium = s.mean();
   const NodeVector x = medium.expand(m.value, 1);
-  return std::abs(medium.diagonal(m.value) + medium.stiffness(k * k)) /
-         std::sqrt(1 + std::norm(x.eta) + std::norm(x.state));
+  const auto [psi, eta, state] = balance(medium);
+  return std::abs(medium.diagonal(m.value) + medium.stiffness(k * k)) / eta /
+         std::sqrt(1 + std::norm(x.eta / eta) + std::norm(x.state / state));
 }
 
 }  // namespace

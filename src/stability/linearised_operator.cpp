@@ -213,12 +213,22 @@ std::vector<LinearisedOperator::Entry> LinearisedOperator::massless_entries() co
   return e;
 }
 
+std::vector<double> LinearisedOperator::balance() const {
+  std::size_t most = 0;  // the node on which the state acts most
+  for (std::size_t i = 1; i < size() && has_state() && !uniform; ++i)
+    if (std::abs(point(i).q()) > std::abs(point(most).q())) most = i;
+  const auto units = stickslip::balance(point(most));
+  return {units.begin() + psi_entries(), units.begin() + fields()};
+}
+
 double LinearisedOperator::mode_residual(Complex lambda, const std::vector<Complex>& p) const {
   const std::vector<Complex> x = expand(lambda, p), y = multiply(x);
+  const std::vector<double> units = balance();
   double above = 0, below = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    above += std::norm(y[i] - lambda * x[i]);
-    below += std::norm(x[i]);
+    const double unit = units[i % dof()];
+    above += std::norm((y[i] - lambda * x[i]) / unit);
+    below += std::norm(x[i] / unit);
   }
   return std::sqrt(above / below);
 }
@@ -314,6 +324,16 @@ std::vector<Complex> LinearisedOperator::wave(double k) const {
     psi[i] = scene.ring() ? std::polar(1., phase) : held ? std::sin(phase) : std::cos(phase);
   }
   return psi;
+}
+
+std::array<double, 3> balance(const LinearPoint& m) {
+  const auto near = [](double x) {
+    return x > 0 && std::isfinite(x) ? std::exp2(std::round(std::log2(x))) : 1;
+  };
+  const double K = m.K0 > 0 ? m.K0 : m.K1, resistance = std::abs(m.beta());
+  const double pull = std::abs(m.g_psi / m.F_state);
+  if (m.massless()) return {1, near(resistance), near(resistance * std::sqrt(pull / K))};
+  return {1, near(K > 0 ? std::sqrt(K / m.A) : resistance), near(std::sqrt(pull / m.A))};
 }
 
 std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {

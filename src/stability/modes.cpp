@@ -27,7 +27,7 @@ void normalise(std::vector<Complex>& p) {
 }
 
 double rounding(const LinearisedOperator& s, Complex lambda) {
-  const double scale = std::max(std::abs(lambda), s.rate_of(s.K0) + 1e-3);
+  const double scale = std::max(std::abs(lambda), s.rate_of(s.K0) + 1e-3 * spring_frequency(s));
   if (s.scene.massless()) return 20 * epsilon * (scale + s.largest_stiffness() / s.mean().beta());
   return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale + s.viscous_rate());
 }
@@ -95,6 +95,7 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
 bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
   BandLU lu;
   bool converged = false;
+  const double own = own_rate(s);
   normalise(mode.psi);
   double last = std::numeric_limits<double>::infinity();
   for (int k = 0; k < steps && !converged; ++k) {
@@ -108,12 +109,12 @@ bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
     normalise(mode.psi);
     const double size = std::abs(step);
     converged =
-        size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
+        size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (own + std::abs(mode.value)));
     last = size;
   }
   if (s.symmetric()) {  // else the left eigenvector costs a solve
     const Complex value = stationary_value(s, mode, left_vector(s, mode), 0.1).value_or(mode.value);
-    if (std::abs(value - mode.value) < 1e-6 * (1 + std::abs(value))) mode.value = value;
+    if (std::abs(value - mode.value) < 1e-6 * (own + std::abs(value))) mode.value = value;
   }
   if (mode.value.imag() < 0) {
     mode.value = std::conj(mode.value);
@@ -184,12 +185,8 @@ std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& mo
   return shown;
 }
 
-bool same(const Mode& a, const Mode& b) {
-  if (std::abs(a.value - b.value) > 1e-7 * (1 + std::abs(a.value))) return false;
-  if (a.psi.empty() || b.psi.empty()) return true;
-  const double overlap =
-      std::norm(inner(a.psi, b.psi)) / (inner(a.psi, a.psi).real() * inner(b.psi, b.psi).real());
-  return overlap > 0.5;
+double nearness(const LinearisedOperator& s, Complex value) {
+  return 1e-7 * (own_rate(s) + std::abs(value)) + 10 * rounding(s, value);
 }
 
 void remove_part(std::vector<Complex>& p, const std::vector<Complex>& q) {
@@ -198,6 +195,34 @@ void remove_part(std::vector<Complex>& p, const std::vector<Complex>& q) {
 }
 
 namespace {
+
+using Shapes = std::vector<std::vector<Complex>>;
+
+void remove_parts(std::vector<Complex>& p, const Shapes& shapes) {
+  for (int k = 0; k < 2; ++k)  // the second time what round-off has left
+    for (const std::vector<Complex>& q : shapes) remove_part(p, q);
+}
+
+// Shapes, orthogonal to each other, that span those of the modes with nearly this value.
+Shapes span_near(const LinearisedOperator& s, const std::vector<Mode>& modes, Complex value) {
+  const double near = nearness(s, value);
+  Shapes shapes;
+  for (const Mode& m : modes) {
+    if (!(std::abs(m.value - value) <= near)) continue;
+    std::vector<Complex> p = m.psi;
+    remove_parts(p, shapes);
+    if (inner(p, p).real() > 1e-20 * inner(m.psi, m.psi).real()) shapes.push_back(std::move(p));
+  }
+  return shapes;
+}
+
+// What is left of p beside those shapes, and its squared size in parts of p's.
+std::pair<std::vector<Complex>, double> rest_beside(std::vector<Complex> p, const Shapes& shapes) {
+  const double before = inner(p, p).real();
+  remove_parts(p, shapes);
+  const double left = inner(p, p).real() / before;
+  return {std::move(p), left};
+}
 
 // What the mirror image about half of `about` has beside the mode itself; nothing if they are one.
 std::optional<Mode> image_beside(const LinearisedOperator& s, const Mode& m, std::size_t about) {
@@ -215,11 +240,43 @@ std::optional<Mode> image_beside(const LinearisedOperator& s, const Mode& m, std
 
 }  // namespace
 
-void merge(std::vector<Mode>& modes, std::vector<Mode> more) {
-  for (Mode& m : more) {
-    const auto twin = std::find_if(modes.begin(), modes.end(), [&](const Mode& o) { return same(o, m); });
-    if (twin == modes.end()) modes.push_back(std::move(m));
+bool is_new(const LinearisedOperator& s, const std::vector<Mode>& known, const Mode& m) {
+  const Shapes shapes = span_near(s, known, m.value);
+  if (shapes.empty()) return true;
+  const auto [rest, left] = rest_beside(m.psi, shapes);
+  constexpr double digits = 1e-8;  // what a polished shape may be wrong by, squared
+  return left > digits && s.mode_residual(m.value, rest) <= nearness(s, m.value);
+}
+
+void add_new(const LinearisedOperator& s, std::vector<Mode>& modes, std::vector<Mode> more) {
+  for (Mode& m : more)
+    if (is_new(s, modes, m)) modes.push_back(std::move(m));
+}
+
+void add_guesses(const LinearisedOperator& s, std::vector<Mode>& guesses, std::vector<Mode> more) {
+  for (Mode& m : more)
+    if (rest_beside(m.psi, span_near(s, guesses, m.value)).second > 0.01) guesses.push_back(std::move(m));
+}
+
+std::optional<Mode> twin(const LinearisedOperator& s, const std::vector<Mode>& known, const Mode& m) {
+  const double near = nearness(s, m.value);
+  const Shapes shapes = span_near(s, known, m.value);
+  BandLU lu;
+  s.factor(m.value + Complex(0, 0.01 * near), lu);  // beside the value all of its shapes grow alike
+  Mode other = m;
+  Noise noise;
+  for (Complex& x : other.psi) x = noise.next();
+  for (int k = 0; k < 4; ++k) {
+    remove_parts(other.psi, shapes);
+    normalise(other.psi);
+    if (k == 3) break;
+    other.psi = s.apply_slope(m.value, other.psi);
+    s.solve(lu, other.psi);
   }
+  other.residual = s.mode_residual(other.value, other.psi);
+  if (!(other.residual <= near)) return std::nullopt;
+  other.wavenumber = s.wavenumber(other.psi);
+  return other;
 }
 
 void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes) {
@@ -231,7 +288,7 @@ void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes) {
     if (!image && quarter < double(s.size())) image = image_beside(s, m, std::lround(quarter));
     if (image) images.push_back(std::move(*image));
   }
-  merge(modes, std::move(images));
+  add_new(s, modes, std::move(images));
 }
 
 bool is_neutral(const LinearisedOperator& s, const Mode& m) {

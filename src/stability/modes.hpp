@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
 namespace stickslip {
@@ -28,7 +29,8 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
 // What a polished eigenvalue may be wrong by.
 class Tolerance {
  public:
-  explicit Tolerance(const LinearisedOperator& s) : s_(s), floor_(1e-11 * (1 + 1.01 * s.imaginary_bound())) {}
+  explicit Tolerance(const LinearisedOperator& s)
+      : s_(s), floor_(1e-11 * (own_rate(s) + 1.01 * s.imaginary_bound())) {}
   double operator()(const Mode& m) const { return std::max(10 * rounding(s_, m.value), floor_); }
 
  private:
@@ -57,12 +59,20 @@ void sort_modes(std::vector<Mode>& modes, double tolerance);
 // at least one that is no symmetry.
 std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height,
                         PetscInt count);
-// Whether they are one: nearly the same value and shape.
-bool same(const Mode& a, const Mode& b);
+// Values closer to this one than that may belong to one eigenvalue.
+double nearness(const LinearisedOperator& s, Complex value);
 // p without what it has of q.
 void remove_part(std::vector<Complex>& p, const std::vector<Complex>& q);
-// Adds those that are not there yet.
-void merge(std::vector<Mode>& modes, std::vector<Mode> more);
+// Whether a polished mode is one more beside those known: where some have nearly its value, what it has
+// beside their span must be an eigenvector of that value too. (Modes of one value may be any of their span:
+// neither values nor pairs of shapes tell copies.)
+bool is_new(const LinearisedOperator& s, const std::vector<Mode>& known, const Mode& m);
+// Adds polished modes that are new.
+void add_new(const LinearisedOperator& s, std::vector<Mode>& modes, std::vector<Mode> more);
+// Adds guesses, but for those that lie nearly in the span of others with nearly the same value.
+void add_guesses(const LinearisedOperator& s, std::vector<Mode>& guesses, std::vector<Mode> more);
+// One more eigenvector of a mode's value beside those known, where there is one: by inverse iteration.
+std::optional<Mode> twin(const LinearisedOperator& s, const std::vector<Mode>& known, const Mode& m);
 // A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two.
 // The other is its mirror image.
 void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes);

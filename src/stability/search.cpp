@@ -17,7 +17,8 @@ namespace stickslip {
 ModeSearch::ModeSearch(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings,
                        double height)
     : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s),
-      many_(s.size() > settings.long_from), tolerance_(s), wanted_(settings.count / 2 + 2) {
+      many_(s.size() > settings.long_from), tolerance_(s), own_(own_rate(s)),
+      wanted_(settings.count / 2 + 2) {
   resolved_sought_ = settings.refine || !many_ || settings.quick || s.scene.form == Form::chain;
 }
 
@@ -59,7 +60,7 @@ std::vector<std::vector<Mode>> ModeSearch::distribute(std::size_t tasks, const T
 // The rightmost guesses within reach stay, and some beyond it.
 void ModeSearch::select(std::vector<Mode>& guesses) const {
   std::size_t inside = 0, outside = 0;
-  sort_modes(guesses, 1e-9 * (1 + height_));
+  sort_modes(guesses, 1e-9 * (own_ + height_));
   guesses.erase(std::remove_if(guesses.begin(), guesses.end(),
                                [&](const Mode& m) {
                                  const std::size_t most = many_ ? (leads(m) ? wanted_ + 1 : 1) : wanted_ + 4;
@@ -71,14 +72,14 @@ void ModeSearch::select(std::vector<Mode>& guesses) const {
 // Polishes guesses, the same on every rank.
 void ModeSearch::take(std::vector<Mode> guesses) {
   std::vector<Mode> apart;
-  merge(apart, std::move(guesses));
+  add_guesses(s_, apart, std::move(guesses));
   select(apart);
   auto polished = distribute(apart.size(), [&](std::size_t k) {
     std::vector<Mode> one;
     if (polish(s_, apart[k])) one.push_back(std::move(apart[k]));
     return one;
   });
-  for (std::vector<Mode>& one : polished) merge(modes_, std::move(one));
+  for (std::vector<Mode>& one : polished) add_new(s_, modes_, std::move(one));
   add_mirror_images(s_, modes_);
 }
 
@@ -89,7 +90,7 @@ void ModeSearch::try_shifts(const std::vector<Complex>& shifts, PetscInt count) 
     return modes;
   });
   std::vector<Mode> all;
-  for (std::vector<Mode>& modes : found) merge(all, std::move(modes));
+  for (std::vector<Mode>& modes : found) add_guesses(s_, all, std::move(modes));
   take(std::move(all));
 }
 
@@ -100,6 +101,18 @@ void ModeSearch::try_places(const std::vector<Complex>& places) {
   std::vector<Mode> all;
   for (std::vector<Mode>& modes : found) all.push_back(std::move(modes[0]));
   take(std::move(all));
+}
+
+// More shapes of the values of the first so many modes, and of the next two. Whether anything new was found.
+bool ModeSearch::try_twins(std::size_t members) {
+  const std::size_t before = modes_.size();
+  auto found = distribute(std::min(before, members + 2), [&](std::size_t k) {
+    std::vector<Mode> one;
+    if (auto other = twin(s_, modes_, modes_[k])) one.push_back(std::move(*other));
+    return one;
+  });
+  for (std::vector<Mode>& one : found) add_new(s_, modes_, std::move(one));
+  return modes_.size() > before;
 }
 
 // What segments of the line would do alone: the rightmost of all their modes are nearly modes of the whole.
@@ -192,7 +205,7 @@ void ModeSearch::first_guesses() {
 // Looks where the count points, and ever more densely along the line.
 void ModeSearch::scan(std::vector<Complex> places, double line, int round) {
   const double spacing = height_ / double(s_.size()), free = s_.real_bound() - line;
-  const double near = std::max(1e-3 * (1 + std::abs(line)), 0.5 * spacing);
+  const double near = std::max(1e-3 * (own_ + std::abs(line)), 0.5 * spacing);
   const double aside = near + std::max(0., free) * 0.25 * (round % 4);
   std::vector<Complex> shifts;
   for (std::size_t k = 0; k < std::min<std::size_t>(places.size(), 8); ++k) {
@@ -248,12 +261,12 @@ std::vector<Complex> ModeSearch::unknown(std::vector<Complex> zeros) const {
     if (leads(m)) growth.push_back(m.value.real());
   std::sort(growth.rbegin(), growth.rend());
   const double least = growth.size() < wanted_ ? -std::numeric_limits<double>::infinity()
-                                               : growth[wanted_ - 1] + 1e-9 * (1 + height_);
+                                               : growth[wanted_ - 1] + 1e-9 * (own_ + height_);
   zeros.erase(std::remove_if(zeros.begin(), zeros.end(),
                              [&](Complex z) {
                                return z.real() < least ||
                                       std::any_of(modes_.begin(), modes_.end(), [&](const Mode& m) {
-                                        return std::abs(m.value - z) < 1e-7 * (1 + std::abs(z));
+                                        return std::abs(m.value - z) <= nearness(s_, z);
                                       });
                              }),
               zeros.end());
@@ -287,8 +300,7 @@ ModeSearch::Line ModeSearch::list_line(std::size_t listed) const {
   }
   std::size_t first = listed - 1;  // of those with this real part
   while (first > 0 && re[first - 1] - re[first] <= apart) --first;
-  const double gap = first > 0 ? re[first - 1] - re[first] : 1e3 * apart;
-  return {re[first] + gap / 4, first > 0 ? gap / 8 : apart};
+  return {re[first] + 2 * apart, apart / 2};  // no further: what is not known may stand there
 }
 
 // The list has a hole: it is narrowed down to a gap between known real parts, and then in frequency. Whether
@@ -327,6 +339,7 @@ bool ModeSearch::look_between(std::size_t members) {
 }
 
 bool ModeSearch::close_list(Spectrum& result) {
+  int scans = 1;
   for (int round = 0; round < (many_ ? 5 : 20); ++round) {
     sort_modes(modes_, tolerance_(*rightmost()));
     const std::size_t members = listed();
@@ -340,7 +353,11 @@ bool ModeSearch::close_list(Spectrum& result) {
     if (c->all == c->known) return result.list_complete = result.complete = true;
     const std::size_t before = modes_.size();
     try_places(unknown(std::move(where)));
-    if (modes_.size() == before && (exact_.apply() || !look_between(members))) return false;
+    if (modes_.size() > before) continue;
+    if (exact_.apply()) return false;
+    if (try_twins(members) || look_between(members)) continue;
+    for (; modes_.size() == before && !many_ && scans < 5; ++scans) scan({}, line.at, scans);
+    if (modes_.size() == before) return false;
   }
   return false;
 }
@@ -364,9 +381,9 @@ void ModeSearch::close_rightmost(Spectrum& result) {
     if (!c && many_) {
       // Beside strongly trapped modes round-off hides the phase: from further right it is seen, at the price
       // of a wider margin.
-      double high = line + 2e-5 * (1 + std::abs(growth));
+      double high = line + 2e-5 * (own_ + std::abs(growth));
       for (std::size_t i = 0; i < s_.size(); ++i) high = std::max(high, local_growth(s_, i, false));
-      for (double aside = 1e-7 * (1 + std::abs(growth)); !c && line + aside < high; aside *= 10)
+      for (double aside = 1e-7 * (own_ + std::abs(growth)); !c && line + aside < high; aside *= 10)
         c = count(counted = line + aside, &where);
     }
     if (!c) {
@@ -390,9 +407,9 @@ void ModeSearch::close_rightmost(Spectrum& result) {
         continue;
       // Trapped modes are ill-conditioned: to the count the rightmost itself may stand right of the line.
       for (double aside = 1e-6; !result.complete && aside < 1e-3; aside *= 10)
-        if (const auto again = count(line + aside * (1 + std::abs(growth)))) {
+        if (const auto again = count(line + aside * (own_ + std::abs(growth)))) {
           c = again;
-          counted = line + aside * (1 + std::abs(growth));
+          counted = line + aside * (own_ + std::abs(growth));
           judge();
         }
       if (!result.complete && try_resolved()) continue;

@@ -45,6 +45,7 @@ class ModeSearch {
   void take(std::vector<Mode> guesses);
   void try_shifts(const std::vector<Complex>& shifts, PetscInt count);
   void try_places(const std::vector<Complex>& places);
+  bool try_twins(std::size_t members);
   void try_segments(bool quick, bool inside);
   void try_coarse_grid();
   bool try_resolved();
@@ -68,6 +69,7 @@ class ModeSearch {
   const ExactModes exact_;
   const bool many_;  // too many nodes for many shifts
   const Tolerance tolerance_;
+  const double own_;          // rate of the scene
   const std::size_t wanted_;  // pairs
   bool resolved_sought_;
   double margin_ = 0;

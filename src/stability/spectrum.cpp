@@ -62,7 +62,7 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
 }
 
 bool refined(const LinearisedOperator& s, const Mode& from, Mode& mode) {
-  return polish(s, mode) && std::abs(mode.value - from.value) <= 1e-6 * (1 + std::abs(from.value));
+  return polish(s, mode) && std::abs(mode.value - from.value) <= 1e-6 * (own_rate(s) + std::abs(from.value));
 }
 
 // Two real eigenvalues that are equal, or nearly, come from LAPACK as a pair with a frequency of round-off:
@@ -71,7 +71,7 @@ std::optional<Mode> real_twin(const LinearisedOperator& s, const Mode& pair, con
   Mode other = pair;
   other.value = pair.value.real();
   remove_part(other.psi, first.psi);
-  if (!refined(s, pair, other) || other.value.imag() > 0 || same(first, other)) return std::nullopt;
+  if (!refined(s, pair, other) || other.value.imag() > 0 || !is_new(s, {first}, other)) return std::nullopt;
   return other;
 }
 
@@ -80,7 +80,7 @@ std::optional<Mode> real_twin(const LinearisedOperator& s, const Mode& pair, con
 std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettings& settings, double height) {
   std::vector<Mode> modes = dense_modes(s, s.unknowns());
   // LAPACK's round-off hides which of equal real parts is larger
-  sort_modes(modes, 1e-10 * (1 + s.imaginary_bound()));
+  sort_modes(modes, 1e-10 * (own_rate(s) + s.imaginary_bound()));
   modes.erase(
       std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
       modes.end());

@@ -51,7 +51,7 @@ double abscissa_of(const Matrix& M) { return largest_eigenvalue_of((M + M.transp
 void grow_small(const Matrix& M, Transient& result) {
   const double abscissa = abscissa_of(M);
   result.abscissa = std::max(result.abscissa, abscissa);
-  if (!(abscissa > 1e-12)) return;
+  if (!(abscissa > 1e-12 * M.norm())) return;
   const auto at = [&](double t) { return Sample{t, two_norm(exponential(M, t))}; };
   for (const double slack : {0.03, 1e-4}) {
     Sample before{0, 1}, here{0, 1};
@@ -127,7 +127,7 @@ void sample_large(const Matrix& M, double h, double horizon, Transient& result) 
 // not reach to its end, the rest is looked at in longer steps.
 void grow_large(const Matrix& M, double horizon, Transient& result) {
   result.abscissa = abscissa_of(M);
-  if (horizon <= 0 || !(result.abscissa > 1e-12)) return;
+  if (horizon <= 0 || !(result.abscissa > 1e-12 * M.norm())) return;
   const double fine = std::min(horizon / 100, 0.1 / result.abscissa);
   sample_large(M, fine, horizon, result);
   if (400 * fine < horizon) sample_large(M, horizon / 400, horizon, result);

@@ -57,6 +57,34 @@ def test_lists_have_no_holes(scenes):
     assert len(whole) > 10 and np.mean(whole) > 0.97, f"{whole.count(True)} of {len(whole)} lists are whole"
 
 
+def ring(random):
+    """A ring whose friction repeats with a period of 2 or 4 blocks, so that most values have two shapes, of any two of a
+    Krylov space: size, amplitudes, v, k0, k1, eigenvalues wanted."""
+    amplitudes = random.uniform(0.4, 1.3, random.choice([2, 4]))
+    n = 4 * int(random.integers(10, 61))
+    return n, amplitudes, random.uniform(0.2, 1.2), random.uniform(0.05, 1), random.uniform(0.1, 2), int(random.integers(6, 31))
+
+
+def check_ring(index, n, amplitudes, v, k0, k1, count, method):
+    a = np.resize(amplitudes, n)
+    np.savetxt("a.txt", np.stack([np.arange(n), a], axis=1), fmt="%.17g")
+    summary, _ = run(f"-model_form chain -grid_n {n} -friction_amplitude_profile a.txt -model_v {v!r} -model_k0 {k0!r} "
+                     f"-model_k1 {k1!r} -spectrum_count {count} -spectrum_method {method}", command="spectrum")
+    one = np.eye(n)
+    pull = -k0 * one + k1 * (np.roll(one, 1, 0) + np.roll(one, -1, 0) - 2 * one)
+    dense = np.linalg.eigvals(np.block([[np.diag(-a * (v * v - 1)), one], [pull, 0 * one]]))
+    found = [complex(e["re"], e["im"]) for e in summary["eigenvalues"]]
+    missing = holes(found, dense, 1e-6)  # a value that stands too often in the list is no eigenvalue of the rest
+    if summary["list_complete"]:
+        assert not missing and summary["missing"] == 0, f"ring {index}: lacks {missing}: {summary['completeness_check']}"
+    return not missing
+
+
+def test_rings_of_double_values(scenes):
+    right = [check_ring(index, *r, ("krylov", "auto")[index % 2]) for index, r in scenes(ring, 32)]
+    assert np.mean(right) > 0.9, f"{sum(right)} of {len(right)} lists have no hole"
+
+
 def test_the_list_does_not_depend_on_the_number_of_ranks():
     words = ("-model_form chain -model_k0 0.338 -model_k1 0.968 -model_zeta 0.262 -friction_law carlson-langer "
              "-friction_spread 0.267 -friction_seed 38 -model_v 0.401 -grid_n 81 -spectrum_method krylov")

@@ -61,6 +61,14 @@ bool solve_dense(int n, T* a, int columns, T* b) {
 template <class T>  // double, std::complex<double>
 std::vector<std::complex<double>> eigenvalues(int d, std::vector<T> a);
 
+// The eigenvalues of a, d by d, column-major, with Im >= 0, the rightmost first, and their eigenvectors: by
+// LAPACK (dgeev), which balances. Throws Failure where the method fails.
+struct Eigenpair {
+  std::complex<double> value;
+  std::vector<std::complex<double>> vector;
+};
+std::vector<Eigenpair> eigenpairs(int d, std::vector<double> a);
+
 // All mu with det(a - mu b) = 0, d by d, row-major: by the QZ method of LAPACK (dggev, zggev). A mu of
 // +-infinity where b is singular. Largest modulus first, those of a conjugate pair as neighbours. Throws
 // Failure where the method fails. (Eigen has it for real matrices only.)

@@ -39,6 +39,11 @@ std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& J);
 // A frequency of the scene: that of uniform oscillation, or of the shortest wave where nothing holds the
 // line.
 double unit_frequency(const LinearisedOperator& J);
+// That of all springs at a node: of K0 + K1 in the chain, of K0 in the continuum, where K1 has another unit.
+double spring_frequency(const LinearisedOperator& J);
+// The slower of the rates that springs and damping of the mean medium give, w^2/(w + |C|) with w the
+// frequency of all springs: beside it growth rates are small or large, whatever the unit of time.
+double own_rate(const LinearisedOperator& J);
 // The size of the damping C of the mean medium, for tolerances; 0 without mass, where growth has that unit
 // alone.
 double damping_scale(const LinearisedOperator& J);

@@ -20,6 +20,7 @@
 // line: a spectrum is shared out by shifts and points, not by nodes. Not collective.
 #pragma once
 
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -74,7 +75,7 @@ class LinearisedOperator {
   std::vector<Complex> expand_fields(Complex lambda, const std::vector<Complex>& p) const;
   // psi of node i, whose entries of a vector of J stand at x
   Complex psi_of(const Complex* x, std::size_t i) const;
-  // |J x - lambda x|/|x| of it
+  // |J x - lambda x|/|x| of it, x in the units of balance()
   double mode_residual(Complex lambda, const std::vector<Complex>& p) const;
   std::vector<Complex> multiply(const std::vector<Complex>& x) const;  // J x
   // (J - lambda)^-1 b, and (J^T - lambda)^-1 b (no conjugation), with S(lambda) factored in lu.
@@ -86,6 +87,8 @@ class LinearisedOperator {
     double value;
   };
   std::vector<Entry> entries() const;  // of J, those at one place to be added up
+  // Units of the `dof` entries of a node in which J is balanced (stickslip::balance), the same at every node.
+  std::vector<double> balance() const;
 
   // ---- waves: shapes of wavenumber k, 1/length
   double spacing() const { return scene.form == Form::chain ? 1 : scene.h(); }
@@ -136,6 +139,11 @@ class LinearisedOperator {
   std::vector<NodeCoefficients> nodes_;  // none where all have those of `medium_`
   std::vector<FrictionSlopes> slopes_;
 };
+
+// Units of psi, eta and state in which what drives psi and what psi drives are alike in size: powers of two
+// near sqrt(K0/A) for eta and sqrt(|g_psi/(A F_state)|) for the state, 1 for psi. So balanced, the operator
+// in any units of length, time and force is the same up to a power of two.
+std::array<double, 3> balance(const LinearPoint& medium);
 
 // lambda of the waves with that kappa^2 in a medium alike everywhere: two roots, or three with a state.
 std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2);

@@ -1,7 +1,7 @@
 // The rightmost eigenvalues of steady sliding, with a check that none was missed.
 //
 // Three ways to the eigenvalues, one the other's oracle:
-//   dense   every eigenvalue of the matrix, by SLEPc's LAPACK solver (a few hundred nodes)
+//   dense   every eigenvalue of the balanced matrix, by LAPACK (a few hundred nodes)
 //   krylov  SLEPc's Krylov-Schur on Re (J - sigma)^-1 at shifts sigma beside the imaginary axis, each pair
 //           then polished by Newton steps on S(lambda) p = 0; the work is linear in n Beyond 5000 nodes most
 //           come from a coarser grid, or from the zeros that the count sees beside its line
