@@ -82,7 +82,7 @@ find_package(MPI REQUIRED COMPONENTS C)
 
 # The one that PETSc may be linked with, so that not two of a kind are in one process.
 set(HDF5_PREFER_PARALLEL TRUE)
-find_package(HDF5 1.10 REQUIRED COMPONENTS C HL)
+find_package(HDF5 REQUIRED COMPONENTS C HL)  # a release asked for is taken for the only one by packages of HDF5 2
 if(NOT TARGET stickslip::hdf5)
   add_library(stickslip::hdf5 INTERFACE IMPORTED)
   target_link_libraries(stickslip::hdf5 INTERFACE ${HDF5_HL_LIBRARIES} ${HDF5_C_LIBRARIES})
