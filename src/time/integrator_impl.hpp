@@ -18,8 +18,6 @@
 namespace stickslip {
 
 struct Integrator::Impl {
-  static constexpr PetscInt most_rejections = 60;  // of one step, unless ts_max_reject says otherwise
-
   const Model& model;
   std::string prefix;
   std::unique_ptr<Equations> equations;  // before the TS that calls them, to outlive it
@@ -56,6 +54,7 @@ struct Integrator::Impl {
   void fuse(const Choice& choice);
   void read_adaptivity(bool step_given, Vec u);
   void allow_rejections() const;
+  PetscInt most_rejections() const;  // of one step: ts_max_reject
   void warn_of_fixed_step(bool step_given) const;
   void refuse_below_round_off(Vec u) const;
   void set_dense_output();

@@ -198,9 +198,17 @@ void Integrator::Impl::allow_rejections() const {
   SS_TRY(TSSetPreStage(ts, PreStage));
   // A failure of Newton's method rejects the step; a start 1e20 times too large is found out.
   if (!user_set(prefix, "ts_max_snes_failures")) SS_TRY(TSSetMaxSNESFailures(ts, -1));
-  if (!user_set(prefix, "ts_max_reject")) SS_TRY(TSSetMaxStepRejections(ts, most_rejections));
+  SS_TRY(TSSetMaxStepRejections(ts, most_rejections()));
   if (user_set(prefix, "ts_adapt_always_accept"))
     warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
+}
+
+// PETSc from 3.25 on puts its newer name in place of the older one.
+PetscInt Integrator::Impl::most_rejections() const {
+  PetscInt most = 60;
+  for (const char* name : {"-ts_max_reject", "-ts_max_step_rejections"})
+    SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), name, &most, nullptr));
+  return most;
 }
 
 void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
