@@ -13,12 +13,16 @@ bool StickMotion::held(int node) const { return scene_.held(node); }
 double StickMotion::normal(const double* u) const {
   return scene_.normal.varies() ? scene_.normal(u[size() - 1]) : 1;
 }
-double StickMotion::threshold(int node, const double* u) const { return normal(u) * own_threshold(node, u); }
-double StickMotion::threshold_rate(int node, const double* u) const {
-  return scene_.normal.varies() ? scene_.normal.slope(u[size() - 1]) * own_threshold(node, u) : 0;
+// The product in the order of rates(), so that a node at its threshold is there to the last bit.
+double StickMotion::threshold(int node, const double* u) const {
+  return normal(u) * amplitude_[node] * law_threshold(node, u);
 }
-double StickMotion::own_threshold(int node, const double* u) const {
-  return amplitude_[node] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
+double StickMotion::threshold_rate(int node, const double* u) const {
+  if (!scene_.normal.varies()) return 0;
+  return scene_.normal.slope(u[size() - 1]) * amplitude_[node] * law_threshold(node, u);
+}
+double StickMotion::law_threshold(int node, const double* u) const {
+  return law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
 }
 double StickMotion::threshold_slope(int node, const double* u) const {
   return dof_ == 2 ? 0 : normal(u) * amplitude_[node] * law_[node].threshold(u[node * dof_ + 2]).slope;

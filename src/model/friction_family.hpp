@@ -1,6 +1,7 @@
 // A law with its state law and parameters as the class Friction.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -62,14 +63,23 @@ class Resolved final : public Friction {
     else
       return refuse<RatePartials>();
   }
+  // Not less than the friction that the node begins to slip against, in either direction; and that number to
+  // the last bit but where the law drops at once by more than round-off: what begins to slip with a friction
+  // beyond what held it would stop at once, and begin again, without end.
   WithSlope threshold(double s) const override {
-    if constexpr (!F::sticks)
+    if constexpr (!F::sticks) {
       return refuse<WithSlope>();
-    else if constexpr (F::has_state) {
-      const WithSlope m = f_.factor(s);
-      return {m.value * f_.law.threshold(), m.slope * f_.law.threshold()};
     } else {
-      return {f_.law.threshold(), 0};
+      constexpr double drop = 1 + 1e-12;
+      const Partials forward = f_.sliding_partials(0, s, 1), backward = f_.sliding_partials(0, s, -1);
+      WithSlope holds{f_.law.threshold(), 0};
+      if constexpr (F::has_state) {
+        const WithSlope m = f_.factor(s);
+        holds = {m.value * holds.value, m.slope * holds.value};
+      }
+      if (holds.value <= drop * forward.F) holds = {forward.F, forward.F_state};
+      if (holds.value <= -drop * backward.F) holds.value = std::max(holds.value, -backward.F);
+      return holds;
     }
   }
   double threshold_at_long_rest() const override {

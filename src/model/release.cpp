@@ -2,46 +2,130 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "numerics/hermite.hpp"
+#include "numerics/first_rise.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
-// At rest the threshold minus the force is convex or concave in time, a sum of something linear and an
-// exponential or a logarithm: it is followed to its extremum, if it has one, and there is one root on either
-// side.
-double release_time(const Friction& law, double amplitude, double force, double rate, double s,
-                    double latest) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  if (!law.has_state)
-    return rate > 0 ? std::max(0., (amplitude * law.threshold(0).value - force) / rate) : infinity;
-  const auto excess = [&](double wait) {
-    return force + rate * wait - amplitude * law.threshold(law.state_at_rest(s, wait)).value;
-  };
-  const auto growth = [&](double wait) {
-    const double then = law.state_at_rest(s, wait);
-    return rate - amplitude * (law.threshold(then).slope * law.sliding_rate(0, then, 0).g);
-  };
-  const double scale = law.time_at_rest(s);
-  double low = 0, high = scale;
-  if (growth(0) <= 0) {  // falls behind the threshold at first
-    if (rate <= 0) return infinity;
-    while (growth(high) <= 0 && std::isfinite(high)) high *= 2;
-    if (!std::isfinite(high)) return infinity;
-    low = last_place([&](double wait) { return growth(wait) <= 0; }, 0, high);
-    high = 2 * low;
-  } else if (rate <= 0) {  // gains on a threshold that falls, for a while
-    while (growth(high) > 0 && std::isfinite(high)) high *= 2;
-    if (std::isfinite(high)) high = last_place([&](double wait) { return growth(wait) > 0; }, 0, high);
-    if (!(excess(std::isfinite(high) ? high : 1e6 * scale) > 0)) return infinity;
-    if (!std::isfinite(high)) high = 1e6 * scale;
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// How far the force is beyond the threshold, after a time x, and the rate at which it gains on it.
+class Excess {
+ public:
+  Excess(const RestingNode& node, const LoadsFrom& loads) : node_(node), loads_(loads) {}
+
+  ValueAndSlope operator()(double x) const {
+    const bool has_state = node_.law.has_state;
+    const double state = has_state ? node_.law.state_at_rest(node_.state, x) : 0;
+    const WithSlope holds = node_.law.threshold(state);
+    const double holds_rate = has_state ? holds.slope * node_.law.sliding_rate(0, state, 0).g : 0;
+    const NormalLoad normal = loads_.normal(x);
+    const double force =
+        node_.force + x * (node_.rate + x * (node_.bend + x * node_.twist)) + node_.K0 * loads_.way(x);
+    const double rate =
+        node_.rate + x * (2 * node_.bend + x * 3 * node_.twist) + node_.K0 * loads_.velocity(x);
+    return {x, node_.side * force - normal.N * node_.amplitude * holds.value,
+            node_.side * rate - node_.amplitude * (normal.N * holds_rate + normal.rate * holds.value)};
   }
-  while (excess(high) < 0 && high < latest) high *= 2;
-  if (excess(high) < 0) return infinity;  // later than another
-  // of the two neighbours the later one, where the force has come to the threshold
-  const double before = last_place([&](double wait) { return excess(wait) < 0; }, low, high);
-  return std::nextafter(before, infinity);
+
+  // Round-off of the two.
+  double tiny() const { return 4e-16 * loads_.normal(0).N * node_.amplitude * threshold(0); }
+  // Without a load: no release from there on, since the force does not grow, and the threshold cannot fall so
+  // far.
+  bool never(const ValueAndSlope& from) const {
+    const double falls = std::max(0., threshold(from.x) - node_.law.threshold_at_long_rest());
+    return node_.side * node_.rate <= 0 && from.value + node_.amplitude * falls < 0;
+  }
+
+ private:
+  double threshold(double x) const {
+    return node_.law.threshold(node_.law.has_state ? node_.law.state_at_rest(node_.state, x) : 0).value;
+  }
+
+  const RestingNode& node_;
+  const LoadsFrom& loads_;
+};
+
+}  // namespace
+
+LoadsFrom::LoadsFrom(const Scene& scene, double t0) : scene_(&scene), t0_(t0) {
+  if (scene.normal.varies()) normal_piece_ = scene.normal.piece_from(t0);
+  if (!scene.load.varies()) return;
+  plate_piece_ = scene.load.piece_from(t0);
+  travelled_ = scene.load.integral(t0);
+}
+double LoadsFrom::velocity(double wait) const {
+  return plate_piece_ < 0 ? 0 : scene_->load.in_piece(plate_piece_, t0_ + wait);
+}
+double LoadsFrom::way(double wait) const {
+  return plate_piece_ < 0 ? 0 : scene_->load.integral(t0_ + wait) - travelled_;
+}
+NormalLoad LoadsFrom::normal(double wait) const {
+  if (normal_piece_ < 0) return {};
+  const Load& normal = scene_->normal;
+  return {normal.in_piece(normal_piece_, t0_ + wait), normal.slope_in_piece(normal_piece_, t0_ + wait)};
+}
+
+void RestingNode::moves(const LoadsFrom& loads, double step, double force_then, double rate_then) {
+  const HermiteCubic beside(0, force_then - force - K0 * loads.way(step), step * rate,
+                            step * (rate_then - K0 * loads.velocity(step)));
+  bend = beside.c2 / (step * step);
+  twist = beside.c3 / (step * step * step);
+}
+
+LoadBounds::LoadBounds(const Scene& scene, const LoadsFrom& loads, double step) : step_(step) {
+  if (!loads.vary()) return;
+  // a way lies beside the straight one by a quarter of what its slopes differ by at most
+  const double way = loads.way(step), beside = scene.load.varies() ? step / 2 * scene.load.largest() : 0;
+  forth_ = std::max(way, 0.) + beside;
+  back_ = std::max(-way, 0.) + beside;
+  if (scene.normal.varies())
+    falls_ = scene.normal.smallest() / std::max(loads.normal(0).N, loads.normal(step).N);
+}
+
+// A cubic lies within the values of its Bezier form.
+bool LoadBounds::out_of_reach(const RestingNode& n, double limit) const {
+  const double along = n.side * step_, one = along * n.rate / 3, two = 2 * one + along * step_ * n.bend / 3,
+               three = along * (n.rate + step_ * (n.bend + step_ * n.twist));
+  const double beside = std::max({0., one, two, three}), plate = n.K0 * (n.side > 0 ? forth_ : back_);
+  return n.side * n.force + beside + plate < falls_ * limit;
+}
+
+Release release(const RestingNode& node, const LoadsFrom& loads, double latest) {
+  const double gain = node.side * node.rate;
+  if (!loads.vary() && !node.law.has_state) {
+    const double lacks = node.amplitude * node.law.threshold(0).value - node.side * node.force;
+    return gain > 0 ? Release{std::max(0., lacks / gain)} : Release();
+  }
+  const Excess excess(node, loads);
+  // The threshold of a state that is forgotten, or that grows like a logarithm, changes ever more slowly.
+  const double scale = node.law.has_state ? node.law.time_at_rest(node.state) / 4 : infinity;
+  const double hopeless = loads.vary() || gain > 0 ? infinity : 4e6 * scale;
+  for (ValueAndSlope begin = excess(0); begin.x < std::min(latest, hopeless);) {
+    if (!loads.vary() && excess.never(begin)) break;
+    const double width = std::min({loads.smooth_time(), std::max(scale, begin.x / 4), latest - begin.x});
+    if (!std::isfinite(begin.x + width)) break;
+    const ValueAndSlope end = excess(begin.x + width);
+    const double wait = first_rise(excess, begin, end, excess.tiny());
+    if (wait == infinity) {
+      begin = end;
+      continue;
+    }
+    Release found{wait, wait, excess(wait).slope};
+    for (double next = wait; loads.vary() && next < latest;) {
+      next = std::min(next + width / 8, latest);
+      const bool gains = excess(next).slope > 0;
+      if (!gains) next = last_place([&](double x) { return excess(x).slope > 0; }, found.gains_until, next);
+      found.gains_until = next;
+      if (!gains) break;
+    }
+    return found;
+  }
+  return {};
 }
 
 }  // namespace stickslip

@@ -9,6 +9,8 @@
 
 #include <petscsystypes.h>
 
+#include "model/release.hpp"
+#include "numerics/first_rise.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -17,6 +19,9 @@ namespace stickslip::stick_rule {
 constexpr double landing = 3e-13;   // of a step: how well a change is located
 constexpr double close = 1e-12;     // relative: changes this near to each other happen at once
 constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
+
+// So short a time, with that frequency of the shortest wave, may a node slip without anyone seeing it.
+inline double unseen_slip(double frequency) { return 1e-9 / std::max(frequency, 1e-300); }
 
 inline double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
@@ -78,10 +83,20 @@ struct Candidates {
     if (!at_end && !(going * rate0 < 0 && going * rate1 > 0)) return;
     examine({node, going, false, fresh, 0}, g0, g1, -going * rate0, -going * rate1, at_end);
   }
-  // `excess` over the threshold on that side, and its rate of change.
-  void rests(PetscInt node, double side, double excess0, double excess1, double gain0, double gain1,
+  // What the force has beyond the threshold on that side at both ends of the step.
+  void rests(PetscInt node, double side, const ValueAndSlope& begin, const ValueAndSlope& end,
              double limit1) {
-    examine({node, side, true, false, 0}, excess0, excess1, gain0, gain1, begins(excess1, limit1, gain1));
+    examine({node, side, true, false, 0}, begin.value, end.value, begin.slope, end.slope,
+            begins(end.value, limit1, end.slope));
+  }
+  // Likewise under loads, where the release is known, if there is one.
+  void rests(PetscInt node, double side, const ValueAndSlope& begin, const ValueAndSlope& end, double limit1,
+             const Release& release) {
+    if (release.wait <= dt)
+      add({node, side, true, false, 0}, release.wait / dt, std::min(release.gains_until / dt, 1.),
+          std::max(release.gain * dt, 1e-3 * std::abs(begin.value)));
+    else if (begins(end.value, limit1, end.slope))
+      add({node, side, true, false, 0}, 1, 1, std::max(end.slope * dt, 1e-3 * std::abs(begin.value)));
   }
 
  private:
@@ -93,6 +108,9 @@ struct Candidates {
     if (!at_end && g(until) <= 0) return;
     const double root = g.root(until),
                  slope = std::max(std::abs(g.slope(root)), 1e-3 * std::abs(g(until) - g0));
+    add(c, root, until, slope);
+  }
+  void add(const Candidate& c, double root, double until, double slope) {
     list.push_back(c);
     list.back().weight = 1 / std::max(slope, 1e-300);
     estimate = std::min(estimate, root);
@@ -106,18 +124,28 @@ struct Place {
   double part;  // of the step
 };
 
-// The first change within a step. furthest(part) is the largest Candidate::beyond there; it is asked last
-// where the change is found. any_fresh(): whether one of the candidates is fresh. too_coarse: a node that
-// began to slip runs backwards at once.
-template <class Furthest, class AnyFresh>
-Place locate(double estimate, double reached, const Furthest& furthest, const AnyFresh& any_fresh) {
+// The largest Candidate::beyond at a part of the step: of all, and of those that began to slip at its start.
+struct Furthest {
+  double all = -Candidates::infinity, fresh = -Candidates::infinity;
+  void take(const Candidate& c, double beyond) {
+    all = std::max(all, beyond);
+    if (c.fresh) fresh = std::max(fresh, beyond);
+  }
+};
+
+// The first change within a step. furthest(part), Furthest, is asked last where the change is found.
+// too_coarse: a node that began to slip stops again in the same step, or runs backwards at once; what looks at
+// ends of steps would not see that it slips. `shortest`: the part of the step below which nobody is to see it.
+template <class FurthestAt>
+Place locate(double estimate, double reached, double shortest, const FurthestAt& furthest) {
   // the last place looked at; the earliest where a change is known to have come
   double evaluated = 0, high = 1;
+  Furthest there;
   const auto furthest_at = [&](double part) {
-    const double value = furthest(part);
+    there = furthest(part);
     evaluated = part;
-    if (value >= -landing) high = std::min(high, part);
-    return std::abs(value) <= landing ? 0 : value;
+    if (there.all >= -landing) high = std::min(high, part);
+    return std::abs(there.all) <= landing ? 0 : there.all;
   };
   // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at
   // the end.
@@ -132,12 +160,13 @@ Place locate(double estimate, double reached, const Furthest& furthest, const An
     part = std::max(high / 2, high - std::ldexp(value, round));
     value = furthest_at(part);
   }
-  if (any_fresh(value > 0)) return {Found::too_coarse, 0};
+  if (value > 0 && there.fresh > -Candidates::infinity) return {Found::too_coarse, 0};
   if (value < 0) {
     if (at_high > 0)
       find_root([&](double s) { return value = furthest_at(s); }, {part, value, high, at_high}, 1e-15 * high);
     if (value != 0 && evaluated != high) furthest_at(high);  // at a jump
   }
+  if (there.fresh >= -landing && evaluated > shortest) return {Found::too_coarse, 0};
   return {Found::at, evaluated};
 }
 

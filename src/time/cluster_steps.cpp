@@ -22,7 +22,8 @@ constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by t
 ClusterSteps::ClusterSteps(const Model& model, double atol, double rtol)
     : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
       both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)), atol_(atol),
-      rtol_(rtol), N_(scene_.N()), K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
+      rtol_(rtol), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()), K1_(scene_.mean_K1()),
+      method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
       links_(links_along(scene_, 0, scene_.n)), stencil_(tile::stencil(scene_, links_)),
       pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),
@@ -290,8 +291,11 @@ void ClusterSteps::find_candidates(Cluster& c, double dt) {
   candidates_.list.clear();
   candidates_.dt = dt;
   candidates_.estimate = candidates_.reached = infinity;
+  const LoadsFrom loads = loaded_ ? LoadsFrom(scene_, c.t0) : LoadsFrom();
+  const LoadBounds bounds(scene_, loads, dt);
   for (PetscInt k = 0; k < c.count; ++k) {
-    if (scene_.held(node(c, k))) continue;
+    const PetscInt i = node(c, k);
+    if (scene_.held(i)) continue;
     if (c.direction[k] != 0) {
       candidates_.slides(k, c.direction[k], psi0[k], psi1[k], a0[k], a1[k]);
       continue;
@@ -299,21 +303,36 @@ void ClusterSteps::find_candidates(Cluster& c, double dt) {
     const double limit0 = limit_at(c, k, u0), limit1 = limit_at(c, k, u1);
     double grows0 = 0, grows1 = 0;
     if (dof_ == 3) {
-      grows0 = threshold_rate(node(c, k), u0[c.place(2) + std::size_t(k)]);
-      grows1 = threshold_rate(node(c, k), u1[c.place(2) + std::size_t(k)]);
+      grows0 = threshold_rate(i, u0[c.place(2) + std::size_t(k)]);
+      grows1 = threshold_rate(i, u1[c.place(2) + std::size_t(k)]);
     }
-    for (const double side : {1., -1.})
-      if (side > 0 || both_sides_)
-        candidates_.rests(k, side, side * force0[k] - limit0, side * force1[k] - limit1,
-                          side * rate0[k] - grows0, side * rate1[k] - grows1, limit1);
+    for (const double side : {1., -1.}) {
+      if (side < 0 && !both_sides_) continue;
+      const ValueAndSlope begin{0, side * force0[k] - limit0, side * rate0[k] - grows0},
+          end{dt, side * force1[k] - limit1, side * rate1[k] - grows1};
+      if (!loads.vary()) {
+        candidates_.rests(k, side, begin, end, limit1);
+        continue;
+      }
+      const double K0 = model_.coefficients(i).K0;  // a load goes with no state
+      RestingNode at_rest{model_.friction_law(i),
+                          model_.amplitude()[i],
+                          side,
+                          force0[k],
+                          0,
+                          rate0[k] - K0 * loads.velocity(0),
+                          K0};
+      at_rest.moves(loads, dt, force1[k], rate1[k]);
+      if (!bounds.out_of_reach(at_rest, limit1))
+        candidates_.rests(k, side, begin, end, limit1, release(at_rest, loads, dt));
+    }
   }
 }
 
-// The largest Candidate::beyond() at a part of the step.
-double ClusterSteps::furthest(Cluster& c, double dt, double part) {
+Furthest ClusterSteps::furthest(Cluster& c, double dt, double part) {
   const bool at_end = part > 1 - close;  // which the polynomial misses by its error
   const int block = at_end ? Cluster::next : Cluster::stage;
-  double most = -infinity;
+  Furthest most;
   if (dof_ == 2 && N_ == 0) {  // of the candidates alone
     std::vector<double> weights;
     if (!at_end) weights = method_->weights_at(part, dt);
@@ -322,15 +341,15 @@ double ClusterSteps::furthest(Cluster& c, double dt, double part) {
       double value = c.block(at_end ? Cluster::next : Cluster::now)[k];
       for (std::size_t j = 0; j < weights.size() && !at_end; ++j)
         value += weights[j] * c.block(Cluster::slopes + int(j))[k];
-      most = std::max(most, one.beyond(value, c.limit[one.node], part));
+      most.take(one, one.beyond(value, c.limit[one.node], part));
     }
     return most;
   }
   if (!at_end) interpolate(c, part, c.block(block));
   const double* const force = forces(c, block, 1);
   for (const Candidate& one : candidates_.list)
-    most = std::max(most, one.beyond(one.rests ? force[one.node] : c.column(block, 0)[one.node],
-                                     one.rests ? limit_at(c, one.node, c.block(block)) : 0, part));
+    most.take(one, one.beyond(one.rests ? force[one.node] : c.column(block, 0)[one.node],
+                              one.rests ? limit_at(c, one.node, c.block(block)) : 0, part));
   return most;
 }
 
@@ -338,12 +357,8 @@ double ClusterSteps::furthest(Cluster& c, double dt, double part) {
 Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
   find_candidates(c, dt);
   if (candidates_.reached == infinity) return Found::none;
-  const auto any_fresh = [&](bool asked) {
-    return asked && std::any_of(candidates_.list.begin(), candidates_.list.end(),
-                                [](const Candidate& one) { return one.fresh; });
-  };
-  const Place place = locate(
-      candidates_.estimate, candidates_.reached, [&](double at) { return furthest(c, dt, at); }, any_fresh);
+  const Place place = locate(candidates_.estimate, candidates_.reached, unseen_ / dt,
+                             [&](double at) { return furthest(c, dt, at); });
   if (place.found != Found::at) return place.found;
   part = place.part;
   if (!(part > 1 - close)) interpolate(c, part, c.block(Cluster::next));
@@ -384,11 +399,12 @@ void ClusterSteps::snap(Cluster& c) {
         limits.push_back({k, side});
   }
   if (limits.empty()) return;
-  const double *const eta = c.column(Cluster::next, 1), *const total = forces(c, Cluster::next, 1);
-  for (const auto& [k, side] : limits) put_at_threshold(c, k, side, N_ > 0 ? total[k] - eta[k] : 0);
+  if (N_ > 0) viscous_force(c, c.block(Cluster::next), forces_[0]);
+  for (const auto& [k, side] : limits) put_at_threshold(c, k, side, N_ > 0 ? forces_[0][std::size_t(k)] : 0);
 }
 
-// Makes the force on the node its threshold, not less by round-off. `besides`: what viscosity adds to eta.
+// Makes the force on the node its threshold, not less by round-off, in the sum that drives it. `besides`: what
+// viscosity adds to eta.
 void ClusterSteps::put_at_threshold(Cluster& c, PetscInt k, double side, double besides) {
   const double limit = limit_at(c, k, c.block(Cluster::next));
   double& eta = c.column(Cluster::next, 1)[k];

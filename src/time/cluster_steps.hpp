@@ -97,7 +97,7 @@ class ClusterSteps {
   const double* forces(Cluster& c, int block, std::size_t number);
   double limit_at(const Cluster& c, PetscInt k, const double* u) const;
   void find_candidates(Cluster& c, double dt);
-  double furthest(Cluster& c, double dt, double part);
+  stick_rule::Furthest furthest(Cluster& c, double dt, double part);
   stick_rule::Found find_change(Cluster& c, double dt, double& part);
   void snap(Cluster& c);
   void put_at_threshold(Cluster& c, PetscInt k, double side, double besides);
@@ -107,7 +107,7 @@ class ClusterSteps {
   int dof_;
   PetscInt reach_;
   bool both_sides_, loaded_;
-  double atol_, rtol_, N_, K1_;
+  double atol_, rtol_, unseen_, N_, K1_;
   std::unique_ptr<FusedMethod> method_;
   StageProgram tableau_;
   std::vector<double> error_weights_;  // of its slopes, times the length of a step

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "model/release.hpp"
+#include "numerics/first_rise.hpp"
 #include "stickslip/model/plate.hpp"
-#include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/stick.hpp"
 #include "model/stick_rule.hpp"
 
@@ -54,9 +54,9 @@ void RestingNodes::set(PetscInt i, double t, double eta, double state) {
 double RestingNodes::key(PetscInt i, double direction) const {
   const double force = direction * eta_[i];
   if (dof_ == 3) {
-    const double wait = release_time(model_.friction_law(i), model_.amplitude()[i], force,
-                                     direction * K0(i) * scene_.v, state_[i], infinity);
-    return since_[i] + wait;
+    const RestingNode node{model_.friction_law(i), model_.amplitude()[i], direction, eta_[i], state_[i],
+                           K0(i) * scene_.v};
+    return since_[i] + release(node, {}, infinity).wait;
   }
   const double lacks = threshold_(i, 0) - force;
   if (!(K0(i) > 0)) return infinity;
@@ -111,31 +111,22 @@ void RestingNodes::goes_on_resting(PetscInt i) {
 }
 
 // The first time from `from` on, if there is one up to `until`, at which the plate's displacement, times the
-// direction, is at least `level` and grows. Looked for in pieces of time in each of which v(t) changes its
-// sign at most once.
+// direction, is at least `level` and grows. Looked for in pieces in which the loads are smooth.
 double RestingNodes::passage(double direction, double level, double from, double until) const {
   const Load& load = scene_.load;
-  const auto gained = [&](double t) { return direction * load.integral(t) - level; };
   for (double begin = from; begin < until;) {
     const int piece = load.piece_from(begin);
-    const auto speed = [&](double t) { return direction * load.in_piece(piece, t); };
-    double end = std::min(begin + load.smooth_time() / 16, load.next_corner(begin)), first = begin;
+    const auto gained = [&](double t) {
+      return ValueAndSlope{t, direction * load.integral(t) - level, direction * load.in_piece(piece, t)};
+    };
+    double end = std::min(begin + load.smooth_time() / 4, load.next_corner(begin));
     if (!std::isfinite(end)) {  // v is constant from here on
-      if (!(speed(begin) > 0)) return infinity;
-      end = begin + std::max(1., -1.01 * gained(begin) / speed(begin));
+      const ValueAndSlope now = gained(begin);
+      if (!(now.slope > 0)) return infinity;
+      end = begin + std::max(1., -1.01 * now.value / now.slope);
     }
-    double last = end;
-    const bool starts = speed(first) > 0;
-    if (starts != (speed(last) > 0)) {
-      const double turn = last_place([&](double t) { return (speed(t) > 0) == starts; }, first, last);
-      (starts ? last : first) = starts ? turn : std::nextafter(turn, infinity);
-    } else if (!starts) {
-      last = first;
-    }
-    if (last > first && gained(last) >= 0) {  // it grows from first to last
-      if (gained(first) >= 0) return first;
-      return std::nextafter(last_place([&](double t) { return gained(t) < 0; }, first, last), infinity);
-    }
+    const double first = first_rise(gained, gained(begin), gained(end), 1e-16 * std::abs(level));
+    if (first < infinity) return first;
     begin = end;
   }
   return infinity;

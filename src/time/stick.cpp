@@ -40,27 +40,29 @@ Stick::Stick(const Model& model)
     : model_(model), loaded_(model.scene().forced() && !halts(model.scene())), dof_(model.dof()),
       free_end_(model.local()), both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
       slope_(model.create_vector()), next_slope_(model.create_vector()),
-      candidates_(std::make_unique<Candidates>()) {
+      candidates_(std::make_unique<Candidates>()), unseen_(unseen_slip(model.wave_frequency())) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
   if (dof_ == 3) return;
-  for (PetscInt i = 0; i < model.local(); ++i) fixed_threshold_.push_back(threshold_at(i, 0));
+  for (PetscInt i = 0; i < model.local(); ++i)
+    fixed_threshold_.push_back(model.friction_law(i).threshold(0).value);
 }
 Stick::~Stick() { model_.set_direction(nullptr); }
 
-// u: the unknowns of node i.
+// Of node i; u: its unknowns. The same product as on the right-hand side, so that a node at its threshold is
+// there to the last bit when it begins to slip.
 double Stick::threshold(PetscInt i, const double* u, const NormalLoad& normal) const {
-  return normal.N * (dof_ == 2 ? fixed_threshold_[i] : threshold_at(i, u[2]));
+  return normal.N * model_.amplitude()[i] * law_threshold(i, u);
 }
-double Stick::threshold_at(PetscInt i, double state) const {
-  return model_.amplitude()[i] * model_.friction_law(i).threshold(state).value;
+double Stick::law_threshold(PetscInt i, const double* u) const {
+  return dof_ == 2 ? fixed_threshold_[i] : model_.friction_law(i).threshold(u[2]).value;
 }
 double Stick::threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const {
-  if (dof_ == 2) return normal.rate * fixed_threshold_[i];
+  const double by_load = normal.rate == 0 ? 0 : normal.rate * model_.amplitude()[i] * law_threshold(i, u);
+  if (dof_ == 2) return by_load;
   const Friction& law = model_.friction_law(i);
   const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
-  const double by_state = model_.amplitude()[i] * rate;
-  return normal.rate == 0 ? normal.N * by_state : normal.N * by_state + normal.rate * threshold_at(i, u[2]);
+  return normal.N * model_.amplitude()[i] * rate + by_load;
 }
 // At a part of the step under way.
 NormalLoad Stick::normal_at(double part) const { return model_.normal_load(begin_ + part * candidates_->dt); }
@@ -95,6 +97,7 @@ void Stick::decide(Vec u, double t) {
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const Reading f(slope_);
   const Forces force(a, total, dof_), rate(f, total_rate, dof_);
+  changed_.clear();
   long counts[3] = {0, 0, 0};  // moving, begins to slip now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
@@ -111,8 +114,9 @@ void Stick::decide(Vec u, double t) {
       if (going != 0) ++counts[1];
     }
     if (going != 0) ++counts[0];
-    if (going != was_[i]) ++counts[2];
+    if (going != was_[i]) changed_.push_back(model_.first() + i);
   }
+  counts[2] = long(changed_.size());
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 3, MPI_LONG, MPI_SUM, model_.comm()));
   all_rest_ = counts[0] == 0;
   changes_ += counts[2];
@@ -125,6 +129,8 @@ void Stick::renew_slope(Vec u) { model_.rhs(Part::full, u, slope_); }
 void Stick::find_candidates(Vec before, Vec after, double dt) {
   *candidates_ = {dt};
   const NormalLoad normal0 = normal_at(0), normal1 = normal_at(1);
+  const LoadsFrom loads = loads_from(begin_);
+  const LoadBounds bounds(model_.scene(), loads, dt);
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
                         total_force(next_slope_, 3)};
   const Reading a(before), b(after), fa(slope_), fb(next_slope_);
@@ -139,8 +145,13 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
     const double limit0 = threshold(i, at0, normal0), limit1 = threshold(i, at1, normal1);
     const double rate0 = threshold_rate(i, at0, normal0), rate1 = threshold_rate(i, at1, normal1);
     for_each_side([&](double side) {
-      candidates_->rests(i, side, side * force0[i] - limit0, side * force1[i] - limit1,
-                         side * force_rate0[i] - rate0, side * force_rate1[i] - rate1, limit1);
+      const ValueAndSlope begin{0, side * force0[i] - limit0, side * force_rate0[i] - rate0},
+          end{dt, side * force1[i] - limit1, side * force_rate1[i] - rate1};
+      if (!loads.vary()) return candidates_->rests(i, side, begin, end, limit1);
+      RestingNode node = resting(i, side, force0[i], force_rate0[i], at0, loads);
+      node.moves(loads, dt, force1[i], force_rate1[i]);
+      if (!bounds.out_of_reach(node, std::min(limit0, limit1)))
+        candidates_->rests(i, side, begin, end, limit1, release(node, loads, dt));
     });
   }
   double both[2] = {candidates_->estimate, candidates_->reached};
@@ -154,15 +165,16 @@ double Stick::beyond(const Candidate& c, const double* u, double force, double p
   return c.rests ? c.beyond(force, threshold(c.node, at, normal_at(part)), part) : c.beyond(at[0], 0, part);
 }
 
-// The largest beyond() at u, over all candidates of all ranks.
-double Stick::furthest(Vec u, double part) {
+// At u, over all candidates of all ranks.
+stick_rule::Furthest Stick::furthest(Vec u, double part) {
   const Vec total = total_force(u, 0);
   const Reading a(u);
   const Forces force(a, total, dof_);
-  double most = -infinity;
-  for (const Candidate& c : candidates_->list) most = std::max(most, beyond(c, a, force[c.node], part));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  return most;
+  Furthest most;
+  for (const Candidate& c : candidates_->list) most.take(c, beyond(c, a, force[c.node], part));
+  double both[2] = {most.all, most.fresh};
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, both, 2, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  return {both[0], both[1]};
 }
 
 Stick::Cut Stick::first_change(Vec before, Vec after, double t, double dt,
@@ -181,13 +193,7 @@ Stick::Cut Stick::first_change(Vec before, Vec after, double t, double dt,
         at(part, landed);
       return furthest(landed, part);
     };
-    const auto any_fresh = [&](bool asked) {
-      int fresh = 0;
-      for (const Candidate& c : candidates_->list) fresh |= asked && c.fresh ? 1 : 0;
-      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
-      return fresh != 0;
-    };
-    place = locate(candidates_->estimate, candidates_->reached, furthest_at, any_fresh);
+    place = locate(candidates_->estimate, candidates_->reached, unseen_ / dt, furthest_at);
   }
   if (place.found == Found::too_coarse) return {Cut::Kind::too_coarse, 0};
   if (place.found == Found::none) {
@@ -252,85 +258,35 @@ void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits, const Norm
   }
 }
 
+LoadsFrom Stick::loads_from(double t) const { return loaded_ ? LoadsFrom(model_.scene(), t) : LoadsFrom(); }
+
+// A node at rest where the loads begin, to that side: `rate` of its force there, of which the plate's part may vary.
+RestingNode Stick::resting(PetscInt i, double side, double force, double rate, const double* u,
+                           const LoadsFrom& loads) const {
+  RestingNode node{model_.friction_law(i), model_.amplitude()[i], side, force, dof_ == 3 ? u[2] : 0, rate};
+  if (!model_.scene().load.varies() || !loads.vary()) return node;
+  node.K0 = model_.coefficients(i).K0;
+  node.rate -= node.K0 * loads.velocity(0);
+  return node;
+}
+
 double Stick::release_after(Vec u, double t, double longest) {
-  if (loaded_) return release_under_load(u, t, longest);
+  const LoadsFrom loads = loads_from(t);
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_), rates(f, total_rate, dof_);
   double first = infinity;
-  for (PetscInt i = free_begin_; i < free_end_; ++i) {
+  for (PetscInt i = free_begin_; i < free_end_; ++i)
     for_each_side([&](double side) {
-      const double force = side * forces[i], rate = side * rates[i], state = dof_ == 3 ? a[i * dof_ + 2] : 0;
-      first = std::min(
-          first, release_time(model_.friction_law(i), model_.amplitude()[i], force, rate, state, first));
+      const double latest = loads.vary() ? std::min(first, longest) : first;
+      const RestingNode node = resting(i, side, forces[i], rates[i], a + i * dof_, loads);
+      first = std::min(first, release(node, loads, latest).wait);
     });
-  }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
   return first;
 }
 
 double Stick::longest_rest(const Scene& scene) { return 16 * scene.smooth_time(); }
-
-// The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls
-// behind at first, and the other way round behind that.
-double Stick::release_under_load(Vec u, double t, double longest) {
-  const Vec total = total_force(u, 0);
-  const Scene& scene = model_.scene();
-  const Load& load = scene.load;
-  const double v = model_.plate_velocity(t), travelled = load.varies() ? load.integral(t) : 0;
-  const auto way = [&](double wait) {
-    return load.varies() ? load.integral(t + wait) - travelled : v * wait;
-  };
-  const Reading a(u), f(slope_);
-  const Forces forces(a, total, dof_);  // at rest what neighbours add stands
-  double first = infinity;
-  for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    const Friction& law = model_.friction_law(i);
-    const double K0 = model_.coefficients(i).K0;
-    for_each_side([&](double side) {
-      const double* at = a + i * dof_;
-      std::array<double, 3> then{0, 0, dof_ == 3 ? at[2] : 0};
-      const auto age = [&](double wait) {
-        if (dof_ == 3) then[2] = law.state_at_rest(at[2], wait);
-      };
-      const auto excess = [&](double wait) {
-        age(wait);
-        const double eta = forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * way(wait);
-        return side * eta - threshold(i, then.data(), model_.normal_load(t + wait));
-      };
-      const auto growth = [&](double wait) {
-        age(wait);
-        const double rate = f[i * dof_ + 1] + K0 * (model_.plate_velocity(t + wait) - v);
-        return side * rate - threshold_rate(i, then.data(), model_.normal_load(t + wait));
-      };
-      double piece = std::min(longest, scene.smooth_time() / 16);
-      if (dof_ == 3) piece = std::min(piece, law.time_at_rest(at[2]) / 4);
-      double begin = 0;
-      while (begin < std::min(longest, first)) {
-        double end = std::min(begin + piece, longest);
-        // it may have come to the threshold and gone back
-        if (excess(end) < 0 && growth(begin) > 0 && growth(end) < 0) {
-          const double peak = last_place([&](double wait) { return growth(wait) > 0; }, begin, end);
-          if (excess(peak) >= 0) end = peak;
-        }
-        if (excess(end) >= 0 && growth(end) >= 0 && begin == 0 && excess(0) >= 0) {
-          // at the threshold from the start: it was held only because the force fell behind
-          const double turn = last_place([&](double wait) { return growth(wait) <= 0; }, 0, end);
-          begin = turn;
-        }
-        if (excess(end) >= 0) {
-          const double before = last_place([&](double wait) { return excess(wait) < 0; }, begin, end);
-          first = std::min(first, std::nextafter(before, infinity));
-          return;
-        }
-        begin = end;
-        if (!std::isfinite(scene.smooth_time())) piece *= 2;
-      }
-    });
-  }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
-  return first;
-}
 
 void Stick::rest(Vec u, double t, double wait, Vec into) {
   const Load& load = model_.scene().load;

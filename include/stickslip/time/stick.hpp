@@ -36,7 +36,10 @@ namespace stickslip {
 namespace stick_rule {  // of one node
 struct Candidate;
 struct Candidates;
+struct Furthest;
 }  // namespace stick_rule
+class LoadsFrom;
+struct RestingNode;
 
 class Stick {
  public:
@@ -62,6 +65,8 @@ class Stick {
   bool all_rest() const { return all_rest_; }
   const std::vector<double>& direction() const { return direction_; }  // of this rank's nodes; not collective
   long changes() const { return changes_; }  // of a node from rest to sliding or back, so far; over all ranks
+  // The nodes of this rank that the last decide() changed so, by their number in the line; not collective.
+  const std::vector<PetscInt>& changed() const { return changed_; }
 
   // The first change within a step of length dt from t and `before`, where decide() or the last call left
   // off, to `after`.
@@ -71,7 +76,8 @@ class Stick {
   };
   // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
   // `slope_known`: the method has left the right-hand side at `after` in slope_at_end(). too_coarse: a node
-  // that began to slip runs backwards at once, which no exact solution does: repeat with a shorter step.
+  // that began to slip stops in the same step, or runs backwards at once, which no exact solution does:
+  // repeat with a shorter step.
   Cut first_change(Vec before, Vec after, double t, double dt,
                    const std::function<void(double part, Vec into)>& at, Vec landed,
                    bool slope_known = false);
@@ -86,15 +92,17 @@ class Stick {
 
  private:
   double threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
-  double threshold_at(PetscInt i, double state) const;
+  double law_threshold(PetscInt i, const double* u) const;
   double threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const;
-  double release_under_load(Vec u, double t, double longest);
+  LoadsFrom loads_from(double t) const;
+  RestingNode resting(PetscInt i, double side, double force, double rate, const double* u,
+                      const LoadsFrom& loads) const;
   double beyond(const stick_rule::Candidate& c, const double* u, double force, double part) const;
   NormalLoad normal_at(double part) const;
   template <class Body>
   void for_each_side(const Body& body) const;
   void find_candidates(Vec before, Vec after, double dt);
-  double furthest(Vec u, double part);
+  stick_rule::Furthest furthest(Vec u, double part);
   void snap(Vec before, Vec landed, double part);
   // A node at its threshold on that side.
   struct Limit {
@@ -114,13 +122,15 @@ class Stick {
   PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
   bool both_sides_;
   std::vector<double> direction_, was_;
-  std::vector<double> fixed_threshold_;  // without a state, of the normal load 1
+  std::vector<double> fixed_threshold_;  // the laws', without a state
   bool all_rest_ = false;
   long changes_ = 0;
+  std::vector<PetscInt> changed_;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
   std::array<VecHandle, 4> forces_;
   std::unique_ptr<stick_rule::Candidates> candidates_;  // of the step under way
-  double begin_ = 0;                                    // of that step
+  double unseen_;                                       // see there
+  double begin_ = 0;                                    // of the step
 };
 
 }  // namespace stickslip
