@@ -23,6 +23,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/idling.hpp"
 #include "model/jump_matrix.hpp"
 #include "model/loops.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
@@ -52,6 +53,7 @@ struct StickState {
   // threshold there.
   double excess = -std::numeric_limits<double>::infinity();
   long steps = 0;  // taken so far
+  Idling idling{MPI_COMM_SELF};
 };
 
 class StickMotion {
@@ -135,7 +137,7 @@ class StickMotion {
     bool turns;    // it is a turn at which the node is to stop
   };
   double normal(const double* u) const;  // load, by which friction is multiplied
-  double own_threshold(int node, const double* u) const;
+  double law_threshold(int node, const double* u) const;
   double beyond(const PossibleChange& c, const double* u) const;
   double growth(const PossibleChange& c, const double* u, const double* f) const;
   void derivative(const StickState& p, const double* y, std::size_t count, double* f) const;
@@ -149,6 +151,7 @@ class StickMotion {
                 bool turning) const;
   void snap(StickState& p, const std::vector<PossibleChange>& candidates, double h) const;
   std::vector<Change> change(StickState& p) const;
+  void lift(StickState& p) const;
 
   Scene scene_;
   int nodes_, dof_, half_width_;

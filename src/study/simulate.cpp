@@ -15,8 +15,9 @@ void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::ve
     const ObservedStep seen{
         step.index,      step.t_before, step.t, step.u, span.rejections + integrator.report().rejections,
         step.interpolate};
-    const bool is_prolonged_here = step.t == span.begin && step.index > 0;  // was seen as the end before
-    if (!is_prolonged_here)
+    // what goes on here saw it as its end, and of a step that took no time nobody is to be told but `asked`
+    const bool takes_no_time = step.t == step.t_before && step.index > 0;
+    if (!takes_no_time)
       for (Observer* observer : observers) observer->step(seen);
     const auto verdict = asked ? asked(step) : Integrator::Verdict::go_on;
     if (span.watching) *span.watching += processor_seconds() - begin;

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
+#include "base/idling.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/time/time.hpp"
@@ -24,6 +26,11 @@ struct Advance {
   Plate own_plate, *plate = &own_plate;
   TimeReport report;
   long evaluations_before = 0;
+  Idling idling;
+  double same_time = 0;  // what is no later than that is at one time (base/idling.hpp)
+
+  explicit Advance(const Model& model)
+      : idling(model.comm()), same_time(1e-14 / std::max(model.wave_frequency(), 1e-300)) {}
 
   Integrator::Verdict tell(TS ts, const Integrator::Step& step) {
     next_dt = step.next_dt;
@@ -35,6 +42,15 @@ struct Advance {
       SS_TRY(TSSetConvergedReason(ts, TS_CONVERGED_USER));
     }
     return verdict;
+  }
+
+  // Behind every step that counts, and every start and stop: `changed`, the nodes that began to slip or
+  // stopped at its end. Where it took no time nobody is told of it but, after a signal, who ends the run.
+  void done(TS ts, const Integrator::Step& step, const std::vector<PetscInt>& changed = {}) {
+    if (!idling.at(step.t, changed, same_time)) return;
+    Integrator::Step standing(step);
+    standing.t_before = step.t;
+    tell(ts, standing);
   }
 
   // The TS counts steps in a PetscInt, from 1 on again where it has come to `most_counted`.

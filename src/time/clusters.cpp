@@ -163,7 +163,10 @@ void Clusters::release_due(double t) {
   if (halts_) plate_.set(model_, t, resting_.next(clock(t_)), false);
   freed_ = resting_.take_due(clock(t));
   releases_ = true;
-  if (!freed_.empty()) regroup(t);
+  if (freed_.empty())
+    idling_.at(t, {}, same_time());
+  else
+    regroup(t);
   releases_ = false;
 }
 
@@ -275,10 +278,7 @@ void Clusters::decide(PetscInt i) {
 
 // Of the nodes that are free, and of clusters that they touch, clusters are formed anew.
 void Clusters::regroup(double t) {
-  if (t > last_change_) counts_.without_time = 0;
-  if (++counts_.without_time > 1000 + 10 * std::int64_t(n_))
-    throw Failure("nodes begin to slip and rest again without end at t = " + number_text(t));
-  t_ = last_change_ = t;
+  t_ = t;
   sliding_.clear();
   starts_.clear();
   stops_.clear();
@@ -297,6 +297,9 @@ void Clusters::regroup(double t) {
     if (owner_[i] < 0) await_release(i);
   freed_.clear();
   if (halts_) plate_.set(model_, t, plate_.time, alive_ == 0);
+  std::vector<PetscInt> changed(starts_);
+  changed.insert(changed.end(), stops_.begin(), stops_.end());
+  idling_.at(t, changed, same_time());  // where a signal has come `go_on` hears it
   counts_.most_at_once = std::max(counts_.most_at_once, alive_);
   if (watcher_ && !(starts_.empty() && stops_.empty())) watcher_->change(t, starts_, stops_);
 }

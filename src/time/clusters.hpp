@@ -28,6 +28,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/idling.hpp"
 #include "model/moved_nodes.hpp"
 #include "stickslip/model/plate.hpp"
 #include "time/cluster_steps.hpp"
@@ -120,6 +121,7 @@ class Clusters : public MediumNow {
   void cut_back(std::size_t id, double t);
   void release_due(double t);
   void regroup(double t);
+  double same_time() const { return 1e-13 * first_dt_; }  // base/idling.hpp
   void decide(PetscInt i);
   void form(double t);
   void gather(PetscInt first, PetscInt count, double t);
@@ -160,9 +162,10 @@ class Clusters : public MediumNow {
 
   std::vector<PetscInt> freed_, sliding_, starts_, stops_;  // while clusters are formed anew
   double first_dt_, next_dt_ = 0;
-  double t_ = 0, last_change_ = -std::numeric_limits<double>::infinity();
+  double t_ = 0;
+  Idling idling_;
   struct Counts {
-    std::int64_t steps = 0, node_steps = 0, most_at_once = 0, without_time = 0, number = 0;
+    std::int64_t steps = 0, node_steps = 0, most_at_once = 0, number = 0;
   } counts_;
   std::int64_t alive_ = 0;
   bool releases_ = false, plate_is_over_ = false;  // the former: while nodes begin to slip under it
@@ -172,8 +175,8 @@ template <class Archive>
 void Clusters::archive(Archive& a) {
   std::vector<Kept> clusters = kept();
   std::int64_t rejections = steps_.rejections, evaluations = steps_.evaluations;
-  a("clusters.reached", t_, last_change_, counts_.steps, counts_.node_steps, counts_.most_at_once,
-    counts_.without_time, counts_.number, rejections, evaluations);
+  a("clusters.reached", t_, counts_.steps, counts_.node_steps, counts_.most_at_once, counts_.number,
+    rejections, evaluations);
   resting_.archive(a);
   a.list("clusters.under_way", [&](auto& x) {
     x.rest(clusters, [&](Kept& c) {

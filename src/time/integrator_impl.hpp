@@ -40,7 +40,7 @@ struct Integrator::Impl {
   };
   std::optional<Checkpoint> checkpoint;  // to go on from
 
-  Impl(const Model& m, const std::string& p) : model(m), prefix(p), guard(m) {}
+  Impl(const Model& m, const std::string& p) : model(m), prefix(p), guard(m), advance(m) {}
 
   // ---- set-up (set_up.cpp) ----
   void set_up(const MethodSpec& spec, Vec u);

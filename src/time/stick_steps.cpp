@@ -65,7 +65,7 @@ void StickSteps::after(Step step, Vec before) {
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
     // as a run that goes on from here will
     if (advance_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);
-    return;
+    return advance_.done(ts_, step);
   }
   step.t = cut.part == 1 ? step.t : t_before + cut.part * dt;
   step.u = landed_;
@@ -83,6 +83,7 @@ void StickSteps::after(Step step, Vec before) {
     advance_.begin_count(ts_, step.index - 1);
   SS_TRY(VecCopy(landed_, u));
   decide(u, step.t);
+  advance_.done(ts_, step, stick_.changed());
   go_on_from(step.t, step.next_dt);
   pass_rest(u);
 }
@@ -120,7 +121,7 @@ void StickSteps::pass_rest(Vec u) {
   const auto goes_on = [&] {
     return t < advance_.t_end && !advance_.stop_asked && index < advance_.max_steps;
   };
-  for (int without_time = 0; stick_.all_rest() && goes_on();) {
+  while (stick_.all_rest() && goes_on()) {
     const double shown = advance_.plate->at(t);  // by the plate's clock
     const double plate_end = halts_ ? t + (advance_.plate->end - shown) : infinity;
     const double t_end = std::min({advance_.t_end, t + Stick::longest_rest(model_.scene()), plate_end});
@@ -130,25 +131,24 @@ void StickSteps::pass_rest(Vec u) {
     advance_.plate_is_over = until == plate_end;
     if (halts_)
       advance_.plate->set(model_, until, advance_.plate_is_over ? advance_.plate->end : shown + rested, true);
+    const auto within = [this, u, t, until](double when, Vec into) {
+      if (when == until)
+        SS_TRY(VecCopy(landed_, into));
+      else
+        stick_.rest(u, t, when - t, into);
+    };
     if (until > t) {
       advance_.t_before = t;
       advance_.begin_count(ts_, ++index);
       SS_TRY(TSSetTime(ts_, until));
       advance_.update_report(ts_, model_);
-      advance_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
-                            if (when == until)
-                              SS_TRY(VecCopy(landed_, into));
-                            else
-                              stick_.rest(u, t, when - t, into);
-                          }});
-      without_time = 0;
-    } else if (++without_time > 100) {
-      throw Failure("nodes begin to slip and rest again without end at t = " + number_text(t));
+      advance_.tell(ts_, {index, t, until, landed_, dt, within});
     }
     SS_TRY(VecCopy(landed_, u));
     t = until;
     if (advance_.plate_is_over) advance_.stop_asked = true;
     decide(u, t);
+    advance_.done(ts_, {index, t, t, u, dt, within}, stick_.changed());
     go_on_from(t, dt);
   }
 }

@@ -26,7 +26,9 @@ PetscErrorCode Integrator::Impl::PreStep(TS ts) {
 PetscErrorCode Integrator::Impl::PreStage(TS ts, PetscReal) {
   return guarded([&] {
     Impl& self = of(ts);
-    if (self.guard.repeats(ts, self.kept)) self.equations->begin_step(ts);  // for the shorter step
+    if (!self.guard.repeats(ts, self.kept)) return;
+    self.advance.idling.at(self.advance.t_before, {}, self.advance.same_time);
+    self.equations->begin_step(ts);  // for the shorter step
   });
 }
 PetscErrorCode Integrator::Impl::PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
@@ -85,10 +87,9 @@ void Integrator::Impl::after_step() {
                   lost.empty() ? "loosen ts_rtol and ts_atol, or remove jumps from the scene" : lost);
   }
   check_floor(step);
-  if (stick)
-    stick->after(step, before());
-  else
-    advance.tell(ts, step);
+  if (stick) return stick->after(step, before());
+  advance.tell(ts, step);
+  advance.done(ts, step);
 }
 
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
@@ -186,6 +187,7 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   advance.t_end = advance.run_end = t_end;
   advance.t_before = t;
   advance.stop_asked = advance.plate_is_over = false;
+  advance.idling.restart();
   advance.max_steps = max_steps;
   advance.evaluations_before = model.rhs_evaluations();
   SS_TRY(TSSetTime(ts, t));
