@@ -1,0 +1,154 @@
+"""Blocks that rest and are shaken, by a force, by the plate, by the normal load, with strengths near that which just moves them: how
+often and when each slips, against a count of its own, in which a rest is a formula looked at closely, and a slip an integration."""
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
+
+import calls
+from reference import System, words
+
+NEAR = 200  # places looked at in the shortest period
+
+
+class Block:
+    """One block of a scene. Forces are those of spring and load together, to one side."""
+
+    def __init__(self, p):
+        self.p, self.system = p, System(p)
+        self.system.begin_piece(0)
+        self.law, self.state = self.system.law, self.system.law.state != "none"
+        self.periods = [p[f"{name}_period"] for name in ("load_sine", "load_force_sine", "load_normal_sine") if f"{name}_period" in p]
+        self.step = min(self.periods) / NEAR
+
+    def way(self, t):
+        turn = 2 * np.pi / self.p.get("load_sine_period", 1)
+        return self.p["model_v"] * t + self.p.get("load_sine_amplitude", 0) * (1 - np.cos(turn * t)) / turn
+
+    def resting(self, since, eta, s):
+        """The excess over the threshold on either side, as a function of time and side."""
+        K0, one_way = float(np.mean(self.system.K0)), self.law.one_way
+
+        def state(t):
+            if self.law.state == "healing":
+                return self.law.g.tau_inf + (s - self.law.g.tau_inf) * np.exp(-(t - since) / self.law.g.t_h)
+            return s * np.exp(-(t - since) / self.law.g.t_h) if self.state else 0.
+
+        def excess(t, side):
+            force = eta + K0 * (self.way(t) - self.way(since)) + self.system.push(t)
+            return -1. if side < 0 and one_way else side * force - self.system.normal(t) * self.law.threshold(state(t))
+        return excess, state, lambda t: eta + K0 * (self.way(t) - self.way(since))
+
+    def release(self, excess, since, end):
+        """(time, side) of the first from `since` on, where it is not beyond; None."""
+        for begin in np.arange(since, end, 100 * self.step):
+            t = begin + self.step * np.arange(102)
+            found = []
+            for side in (1, -1):
+                g = np.array([excess(x, side) for x in t]) if self.state else excess(t, side) * np.ones(len(t))
+                for k in range(101):
+                    high = t[k + 1] if g[k + 1] > 0 else None
+                    if high is None and 0 < k and g[k] > max(g[k - 1], g[k + 1]) - 1e-9:  # between
+                        best = minimize_scalar(lambda x: -excess(x, side), bounds=(t[k - 1], t[k + 1]), method="bounded",
+                                               options={"xatol": 1e-9 * self.step})
+                        high = best.x if best.fun < 0 else None
+                    if high is None:
+                        continue
+                    low = t[max(k - 1, 0)]
+                    if excess(low, side) >= -1e-14:  # it is at the threshold, which the force leaves behind first
+                        low = next((x for x in np.linspace(low, high, 2000) if excess(x, side) < -1e-14), high)
+                    if low < high:
+                        found.append((brentq(lambda x: excess(x, side), low, high, xtol=1e-14), side))
+                        break
+                    found.append((low, side))
+                    break
+            if found:
+                first = min(found)
+                return first if first[0] < end else None
+        return None
+
+    def slips(self, eta, s, end):
+        """(begin, end, side) of each slip; s: the state, if there is one."""
+        t, found, eta = 0., [], float(eta)
+        while t < end:
+            excess, state, elastic = self.resting(t, eta, s)
+            released = self.release(excess, t, end)
+            if not released:
+                break
+            t0, side = released
+            u = np.array([0., elastic(t0)] + ([state(t0)] if self.state else []))
+            self.system.going = np.array([float(side)])
+
+            def stops(t, u):
+                return u[0] * side if t > t0 + 1e-9 * self.step else 1.
+            stops.terminal, stops.direction = True, -1
+            slip = solve_ivp(self.system.rates, (t0, end), u, method="DOP853", rtol=1e-11, atol=1e-14, events=stops,
+                             max_step=2 * self.step)
+            t, u = slip.t[-1], slip.y[:, -1]
+            found.append((t0, t, side))
+            eta, s = float(u[1]), float(u[2]) if self.state else 0.
+            excess = self.resting(t, eta, s)[0]
+            assert max(excess(t, 1), excess(t, -1)) < 0, "it turns without a rest: not drawn here"
+        return found
+
+
+def draw(random):
+    """A block that a load just moves, by `margin` of its threshold, or just not."""
+    margin = float(random.choice([-1, 1], p=[0.2, 0.8])) * 10**random.uniform(-3.5, -1)
+    law = str(random.choice(["coulomb", "stribeck", "carlson-langer", "slip-weakening", "healing"]))
+    fs = round(random.uniform(0.5, 1.5), 2)
+    p = {"model_form": "chain", "grid_n": 1, "bc_left": "free", "model_v": 0., "model_m": random.uniform(0.5, 2),
+         "model_k0": 10**random.uniform(-3, -1), "model_zeta": float(random.choice([0, 0.1])),
+         "friction_law": "coulomb" if law == "healing" else law}
+    if law in ("coulomb", "healing", "slip-weakening"):
+        p |= {"friction_fs": fs, "friction_fd": round(fs * float(random.choice([1, 0.98])), 3)}
+    if law == "slip-weakening":
+        p |= {"state_t_h": random.uniform(0.05, 0.3), "friction_Dc": random.uniform(0.5, 2)}
+    if law == "stribeck":
+        p |= {"friction_fs": fs, "friction_fc": round(fs - 0.02, 2), "friction_vs": 1.}
+    if law == "carlson-langer":
+        fs = 1
+    if law == "healing":
+        p |= {"state_law": "healing", "state_t_h": random.uniform(0.05, 0.2), "state_tau_inf": random.uniform(1.02, 1.1)}
+    limit, period = fs * p.get("state_tau_inf", 1), random.uniform(0.5, 2)
+    kind = int(random.integers(4))
+    start = {"init_psi": 0., "init_eta": 0., "ts_max_time": period * 5}
+    if kind == 0:  # a force
+        p |= {"load_force_sine_amplitude": limit * (1 + margin), "load_force_sine_period": period}
+    elif kind == 1:  # the plate, there and back
+        turn = 2 * np.pi / period
+        start["init_eta"] = random.uniform(-0.5, 0.5) * limit
+        p |= {"load_sine_amplitude": (limit * (1 + margin) - start["init_eta"]) * turn / (2 * p["model_k0"]), "load_sine_period": period}
+    elif kind == 2:  # the normal load
+        depth = random.uniform(0.05, 0.5)
+        p |= {"load_normal_sine_amplitude": depth, "load_normal_sine_period": period}
+        start["init_eta"] = limit * (1 - depth) * (1 + margin)
+    else:  # a force and the normal load
+        p |= {"load_force_sine_amplitude": 0.9 * limit, "load_force_sine_period": period, "load_normal_sine_amplitude": 0.1 + abs(margin),
+              "load_normal_sine_period": period * float(random.choice([0.5, 1, 1.5]))}
+    if law == "slip-weakening":
+        start["init_state"] = 0.
+    if law == "healing":
+        start["init_state"] = p["state_tau_inf"]
+    p["friction_back_slip"] = str(random.choice(["true", "true", "false"]))
+    return p, start, 10**random.uniform(-9, -5)
+
+
+def test_shaken_blocks(scenes):
+    total = 0
+    for index, (p, start, tolerance) in scenes(draw, salt=91, short=6):
+        calls.run(words(p | start) + ["-ts_rtol", tolerance, "-ts_atol", tolerance, "-out_events", "-out_file", "b.h5"])
+        found = calls.data("b.h5")
+        try:
+            exact = Block(p).slips(start["init_eta"], start.get("init_state", 0.), start["ts_max_time"])
+        except AssertionError as skipped:
+            print(index, skipped)
+            continue
+        ended = [(begin, end) for begin, end, _ in exact if end < start["ts_max_time"]]
+        text = f"scene {index} {words(p | start)} at {tolerance}"
+        assert len(found["events/begin"]) == len(ended), f"{text}: {len(found['events/begin'])} events of {len(ended)}"
+        if ended:
+            off = np.abs(found["events/begin"] - np.array(ended)[:, 0]).max()
+            assert off < 30 * np.sqrt(tolerance), f"{text}: an event begins {off} beside its time"
+        total += len(ended)
+    print(total, "slips")
+    assert total > 15
