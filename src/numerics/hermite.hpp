@@ -14,14 +14,14 @@ struct HermiteCubic {
   double operator()(double s) const { return y0 + s * (m0 + s * (c2 + s * c3)); }
   double slope(double s) const { return m0 + s * (2 * c2 + s * 3 * c3); }
 
-  // Calls take(value) where the slope is 0 inside.
+  // Calls take(s) where the slope is 0 inside.
   template <class Take>
   void extrema(const Take& take) const {
     const double a = 3 * c3, b = 2 * c2, root = b * b - 4 * a * m0;
     if (!(root >= 0)) return;
     const double q = -(b + std::copysign(std::sqrt(root), b)) / 2;
     for (const double s : {a != 0 ? q / a : -1., q != 0 ? m0 / q : -1.})
-      if (s > 0 && s < 1) take((*this)(s));
+      if (s > 0 && s < 1) take(s);
   }
 };
 

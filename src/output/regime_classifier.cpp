@@ -57,6 +57,15 @@ double slope_of(const std::vector<double>& x, const std::vector<double>& y, std:
   return slope;
 }
 
+// 0 of none.
+template <class T>
+T middle_of(std::vector<T> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 class RegimeClassifier {
  public:
   RegimeClassifier(const MotionRecord& record, const SceneContext& around)
@@ -137,15 +146,13 @@ class RegimeClassifier {
                                       (x.high[p] - x.low[p]) / std::sqrt(8.));
     return largest;
   }
-  // Of the middle place, from a window to the end.
+  // Of the middle place that is not held, from a window to the end.
   double passages(std::size_t from) const {
-    std::vector<double> counts(r_.places, 0.);
+    std::vector<double> counts(r_.free.size(), 0.);
     for (const std::size_t w : passing_)
-      for (std::size_t p = 0; p < r_.places && w >= from && w < end_; ++p)
-        counts[p] += r_.passages[w * r_.places + p];
-    const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-    std::nth_element(counts.begin(), middle, counts.end());
-    return *middle;
+      for (std::size_t k = 0; k < counts.size() && w >= from && w < end_; ++k)
+        counts[k] += r_.passages[w * r_.places + r_.free[k]];
+    return middle_of(counts);
   }
 
   bool is_enough(std::size_t from, double periods) const {
@@ -155,20 +162,19 @@ class RegimeClassifier {
   // The window by which half of the places have passed for the first time: what is before is loading. 0: they
   // have not.
   std::size_t first_passage() const {
-    std::vector<std::size_t> first(r_.places, end_);
+    std::vector<std::size_t> first(r_.free.size(), end_);
     for (const std::size_t w : passing_)
-      for (std::size_t p = 0; p < r_.places; ++p)
-        if (r_.passages[w * r_.places + p] > 0) first[p] = std::min(first[p], w);
-    const auto middle = first.begin() + static_cast<std::ptrdiff_t>(first.size() / 2);
-    std::nth_element(first.begin(), middle, first.end());
-    return *middle < end_ ? *middle : 0;
+      for (std::size_t k = 0; k < first.size(); ++k)
+        if (r_.passages[w * r_.places + r_.free[k]] > 0) first[k] = std::min(first[k], w);
+    const std::size_t middle = middle_of(first);
+    return middle < end_ ? middle : 0;
   }
 
   // From the first to the last passage in the last three quarters, of the middle place among those that have
   // two.
   double period() const {
     std::vector<double> periods;
-    for (std::size_t p = 0; p < r_.places; ++p) {
+    for (const std::size_t p : r_.free) {
       double first = 0, last = 0, count = -1;
       for (const std::size_t w : passing_) {
         const double passages = r_.passages[w * r_.places + p];
@@ -179,10 +185,7 @@ class RegimeClassifier {
       }
       if (count >= 1) periods.push_back((last - first) / count);
     }
-    if (2 * periods.size() < r_.places) return 0;
-    const auto middle = periods.begin() + static_cast<std::ptrdiff_t>(periods.size() / 2);
-    std::nth_element(periods.begin(), middle, periods.end());
-    return *middle;
+    return 2 * periods.size() < r_.free.size() ? 0 : middle_of(periods);
   }
 
   // The time between passages where it is the same all through the second half, at every place that passes
@@ -191,7 +194,7 @@ class RegimeClassifier {
     constexpr double same = 1e-3;
     double least = HUGE_VAL, most = 0, sum = 0;
     std::size_t repeat = 0;
-    for (std::size_t p = 0; p < r_.places; ++p) {
+    for (const std::size_t p : r_.free) {
       double before = 0, first = 0, count = -1;
       for (const std::size_t w : passing_) {
         const double passages = r_.passages[w * r_.places + p], last = r_.passed[w * r_.places + p];
@@ -212,7 +215,7 @@ class RegimeClassifier {
       sum += (before - first) / count;
       ++repeat;
     }
-    if (repeat == 0 || 2 * repeat < r_.places || most - least > same * most) return std::nullopt;
+    if (repeat == 0 || 2 * repeat < r_.free.size() || most - least > same * most) return std::nullopt;
     return sum / double(repeat);
   }
 
@@ -322,8 +325,10 @@ class RegimeClassifier {
     std::size_t resting = 0, all = 0;
     for (std::size_t begin = from; begin + length <= end_; begin += length) {
       const Ranges x = ranges(begin, begin + length);
-      for (std::size_t p = 0; p < r_.places; ++p, ++all)
+      for (const std::size_t p : r_.free) {
+        ++all;
         if ((a_.v > 0 ? x.low[p] : -x.high[p]) <= 0) ++resting;
+      }
     }
     return double(resting) >= 0.9 * double(all);
   }

@@ -22,7 +22,7 @@ constexpr double finest = 1 << 20;  // windows that the whole run has when it be
 }  // namespace
 
 Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end)
-    : model_(model), forward_(forward(model.scene())), t_end_(t_end) {
+    : model_(model), rates_(model), forward_(forward(model.scene())), t_end_(t_end) {
   const Scene& s = model.scene();
   const auto n = std::size_t(s.n), whole = n * std::size_t(s.copies), wanted = std::min(most_places, whole);
   std::set<std::size_t> nodes;
@@ -31,48 +31,34 @@ Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady
   for (const std::size_t node : nodes) {
     const PetscInt own = PetscInt(node) - model.first();
     if (own >= 0 && own < model.local()) places_.push_back({own, count_, forward_ * steady(PetscInt(node))});
+    if (!model.held(PetscInt(node))) free_.push_back(count_);
     ++count_;
   }
 }
 
-double Traces::slope(const Place& place, const Sample& at) const {
-  if (!std::isnan(at.slope)) return at.slope;
-  const Scene& s = model_.scene();
-  if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
-  if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
-  const double force =
-      at.normal * (model_.amplitude()[place.node] * model_.friction_law(place.node).force(at.psi, at.state));
-  const NodeCoefficients c = model_.coefficients(place.node);
-  return at.slope = c.A * (at.eta - c.B * at.psi - force);
-}
-
-Traces::Sample Traces::sample(double psi, double eta, double state) const {
-  Sample found;
-  found.psi = forward_ * psi;
-  found.eta = forward_ * eta;
-  found.state = state;
-  return found;
-}
-
-HermiteCubic Traces::cubic(const Place& place, const Sample& from, const Sample& to, double dt) const {
-  return {from.psi, to.psi, dt * slope(place, from), dt * slope(place, to)};
+// Of forward * psi.
+StepCourse Traces::course(const Place& place, const Sample& from, const Sample& to, double dt) const {
+  const double aside = from.psi + to.psi;
+  const auto rate = [&](const Sample& at) {
+    return forward_ * (std::isnan(at.rate) ? rates_.of(place.node, at, aside) : at.rate);
+  };
+  return {forward_ * from.psi, forward_ * to.psi, rate(from), rate(to), dt};
 }
 
 // psi turns near now_: in the step that led there or in the one of dt that leaves it.
 void Traces::refine(std::size_t k, double dt, const Sample& next, double& low, double& high) const {
-  const Sample &before = before_[k], &now = now_[k];
+  const double before = forward_ * before_[k].psi, now = forward_ * now_[k].psi, then = forward_ * next.psi;
+  const StepCourse behind = course(places_[k], now_[k], next, dt);
+  const bool turns_behind = (behind.slope(0) > 0) == (now > before);
+  const StepCourse psi = turns_behind ? behind : course(places_[k], before_[k], now_[k], last_dt_[k]);
   // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola;
   // where slopes are stiff and steps long, the cubic means nothing.
-  const double reach = std::max(std::abs(now.psi - before.psi), std::abs(next.psi - now.psi)) / 3;
-  const auto take = [&](double psi) {
-    if (!(std::abs(psi - now.psi) <= reach)) return;
-    low = std::min(low, psi);
-    high = std::max(high, psi);
-  };
-  if ((slope(places_[k], now) > 0) == (now.psi > before.psi))
-    cubic(places_[k], now, next, dt).extrema(take);
-  else
-    cubic(places_[k], before, now, last_dt_[k]).extrema(take);
+  const double reach = std::max(std::abs(now - before), std::abs(then - now)) / 3;
+  psi.extrema([&](double s) {
+    if (!(std::abs(psi(s) - now) <= reach)) return;
+    low = std::min(low, psi(s));
+    high = std::max(high, psi(s));
+  });
 }
 
 // The last one stands alone where their number is odd: it goes on.
@@ -126,9 +112,9 @@ void Traces::open_windows(std::size_t k, double t, const Sample& next) {
   const auto begun = static_cast<std::size_t>(index_of(time_[k])),
              needed = static_cast<std::size_t>(index_of(t));
   if (needed <= begun) return;
-  const Sample& now = now_[k];
-  const double dt = t - time_[k], least = std::min(now.psi, next.psi), largest = std::max(now.psi, next.psi);
-  const HermiteCubic psi = cubic(places_[k], now, next, dt);
+  const double dt = t - time_[k], now = forward_ * now_[k].psi, then = forward_ * next.psi,
+               least = std::min(now, then), largest = std::max(now, then);
+  const StepCourse psi = course(places_[k], now_[k], next, dt);
   const std::size_t count = places_.size();
   for (std::size_t w = begun; w < needed; ++w) {
     const double s = std::clamp((begin_ + double(w) * window_ - time_[k]) / dt, 0., 1.);
@@ -161,12 +147,17 @@ void Traces::step(const ObservedStep& step) {
   }
   const int dof = model_.dof();
   const double normal = model_.normal_load(step.t).N;
+  if (rates_.ask_beside()) rates_.look_beside(&values[0]);
   for (std::size_t k = 0; k < places_.size(); ++k) {
     const double* const at = &values[places_[k].node * dof];
-    Sample next = sample(at[0], at[1], dof == 3 ? at[2] : 0);
+    Sample next;
+    next.psi = at[0];
+    next.eta = at[1];
+    next.state = dof == 3 ? at[2] : 0;
     next.normal = normal;
+    if (rates_.ask_beside()) next.beside = rates_.beside(places_[k].node);
     if (begins) {
-      low_[k] = high_[k] = next.psi;
+      low_[k] = high_[k] = forward_ * next.psi;
       before_[k] = now_[k] = next;
     } else if (step.t > time_[k]) {
       advance(k, step.t, next);
@@ -192,7 +183,12 @@ void Traces::follow(std::size_t k, const MovedNodes& m, PetscInt at) {
   if (!(m.t1 > time_[k])) return;
   begin_windows_for(m.t1, m.t1 - m.t0);
   const auto of = [&](const MovedNodes::End& end) {
-    return sample(end.psi[at], end.eta[at], end.state ? end.state[at] : 0);
+    Sample found;
+    found.psi = end.psi[at];
+    found.eta = end.eta[at];
+    found.state = end.state ? end.state[at] : 0;
+    found.rate = end.psi_rate[at];
+    return found;
   };
   if (m.t0 > time_[k]) advance(k, m.t0, of(m.begin));
   advance(k, m.t1, of(m.end));
@@ -209,14 +205,14 @@ void Traces::advance(std::size_t k, double t, const Sample& next) {
 }
 
 void Traces::take_in(std::size_t k, double t, const Sample& sample) {
-  const double dt = t - time_[k], before = before_[k].psi, now = now_[k].psi, next = sample.psi,
-               steady = places_[k].steady;
+  const double dt = t - time_[k], before = forward_ * before_[k].psi, now = forward_ * now_[k].psi,
+               next = forward_ * sample.psi, steady = places_[k].steady;
   const std::size_t at = (static_cast<std::size_t>(index_of(t)) - 1) * places_.size() + k;
   low_[at] = std::min(low_[at], next);
   high_[at] = std::max(high_[at], next);
   if (now < steady && next >= steady) {
     passages_[at] += 1;
-    passed_[at] = time_[k] + dt * (steady - now) / (next - now);
+    passed_[at] = time_[k] + dt * course(places_[k], now_[k], sample, dt).rise_to(steady);
   }
   if ((next - now) * (now - before) < 0) refine(k, dt, sample, low_[at], high_[at]);
 }
@@ -228,6 +224,7 @@ MotionRecord Traces::record() const {
   r.t = t_;
   r.windows = started_ ? windows_ : 0;
   r.places = count_;
+  r.free = free_;
   r.steady.assign(count_, -infinity);  // every place has one owner: beside it the others have minus infinity
   for (const Place& place : places_) r.steady[place.index] = place.steady;
   const std::array<const std::vector<double>*, 4> parts = {&low_, &high_, &passages_, &passed_};
@@ -251,7 +248,7 @@ MotionRecord Traces::record() const {
 
 bool Traces::archive(Archive& a, bool by_clusters) {
   const std::string name = seen_from(model_.scene(), "traces.windows");
-  if (!a.has(name)) return false;
+  if (!a.has(name) || !a.has("traces.moments")) return false;
   std::size_t windows = started_ ? windows_ : 0;
   double last_dt = last_dt_.empty() ? 0 : last_dt_[0];
   a(name, begin_, window_, t_, last_dt, windows);
@@ -272,21 +269,14 @@ bool Traces::archive(Archive& a, bool by_clusters) {
       own.push_back({i / places_.size() * count_ + places_[i % places_.size()].index, &(*values)[i]});
     a.spread(part, windows * count_, own);
   }
-  std::vector<Archive::Own> samples;
+  std::vector<Archive::Own> moments;
   for (std::size_t k = 0; k < places_.size(); ++k) {
-    std::size_t at = 6 * places_[k].index;
-    for (Sample* sample : {&now_[k], &before_[k]})
-      for (double* value : {&sample->psi, &sample->eta, &sample->state}) samples.push_back({at++, value});
+    std::size_t at = 12 * places_[k].index;
+    for (Sample* m : {&now_[k], &before_[k]})
+      for (double* value : {&m->psi, &m->eta, &m->state, &m->normal, &m->beside, &m->rate})
+        moments.push_back({at++, value});
   }
-  a.spread("traces.samples", 6 * count_, samples);
-  if (model_.scene().normal.varies()) {
-    std::vector<Archive::Own> loads;
-    for (std::size_t k = 0; k < places_.size(); ++k) {
-      loads.push_back({2 * places_[k].index, &now_[k].normal});
-      loads.push_back({2 * places_[k].index + 1, &before_[k].normal});
-    }
-    a.spread("traces.normal", 2 * count_, loads);
-  }
+  a.spread("traces.moments", 12 * count_, moments);
   if (a.restores() ? !a.has("traces.times") : !by_clusters) return true;
   std::vector<Archive::Own> times;
   for (std::size_t k = 0; k < places_.size(); ++k) {

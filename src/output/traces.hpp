@@ -3,8 +3,8 @@
 // At up to 128 nodes, spread evenly over the whole scene (of which the model may be one of several equal
 // cells: then at the same nodes of that cell), every accepted step is looked at: the least and the largest
 // psi in each window of time, how often psi passes its value in steady sliding upwards, and when it last did.
-// Between two steps an extremum, as psi where a window begins, is that of the cubic through the values and
-// slopes at both, so that it does not depend on where steps fall (error dt^4). The windows are equally long;
+// Within a step an extremum, a passage, and psi where a window begins are those of its course
+// (step_course.hpp), so that they do not depend on where steps fall (error dt^4). The windows are equally long;
 // when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
 // windows, however many steps it takes; that of a run stopped long before its end in half as many as it has
 // taken steps, if these are fewer. Costs the same at any number of nodes; nothing is communicated before
@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "model/moved_nodes.hpp"
-#include "numerics/hermite.hpp"
+#include "output/step_course.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 
@@ -31,6 +31,7 @@ struct MotionRecord {
   const double *low = nullptr, *high = nullptr, *passages = nullptr;
   const double* passed = nullptr;    // time of the last passage in the window, where there is one
   std::vector<double> steady;        // psi in steady sliding at each place
+  std::vector<std::size_t> free;     // places that are not held: those that can pass and rest
   std::vector<double> of_all_ranks;  // where there are several: what the pointers stand for
 };
 
@@ -50,16 +51,14 @@ class Traces {
   bool archive(Archive& a, bool by_clusters);
 
  private:
-  struct Sample {
-    double psi = 0, eta = 0, state = 0, normal = 1;
-    mutable double slope = std::numeric_limits<double>::quiet_NaN();  // psi_t, once somebody has asked
+  struct Sample : NodeMoment {
+    double rate = std::numeric_limits<double>::quiet_NaN();  // psi_t, where it was told
   };
   struct Place {
     PetscInt node;      // of this rank
     std::size_t index;  // among all places
     double steady;
   };
-  Sample sample(double psi, double eta, double state) const;
   void start(double t);
   void begin_windows_for(double t, double dt);
   void follow(std::size_t place, const MovedNodes& nodes, PetscInt at);
@@ -70,15 +69,16 @@ class Traces {
   void widen_windows(double t, double dt);
   double index_of(double t) const;
   void join_pairs();
-  double slope(const Place& place, const Sample& at) const;
-  HermiteCubic cubic(const Place& place, const Sample& from, const Sample& to, double dt) const;
+  StepCourse course(const Place& place, const Sample& from, const Sample& to, double dt) const;
   void refine(std::size_t place, double dt, const Sample& next, double& low, double& high) const;
 
   const Model& model_;
+  NodeRates rates_;
   double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0;
   bool started_ = false;
   std::size_t count_ = 0;                               // places on all ranks
   std::size_t windows_ = 1;                             // begun
+  std::vector<std::size_t> free_;                       // of all places
   std::vector<Place> places_;                           // of this rank
   std::vector<Sample> before_, now_;                    // of each: at the last step but one, at the last
   std::vector<double> time_, last_dt_;                  // of that: when, and how long

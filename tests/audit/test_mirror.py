@@ -16,14 +16,14 @@ from calls import call, data, tool
 
 # Options that change sign; of those that name what is varied.
 ODD = {"model_v", "bc_left_value", "bc_right_value", "init_psi", "init_eta", "init_amplitude",
-       "load_sine_amplitude"}
+       "load_sine_amplitude", "load_force_sine_amplitude"}
 VARIED = {"boundary": "boundary_parameter", "sweep": "sweep_parameter1", "wave": "wave_continue",
           "cycle": "cycle_continue"}
 # What is not a result: the command line, and what differs from one time to the next.
 NO_RESULT = {"options", "wall_s", "seconds", "events_per_s", "files", "processor_s", "best"}
 # Results that change sign; least and largest of psi change places too.
 ODD_RESULTS = {"model_v", "psi", "eta", "psi_mean", "psi_loaded_mean", "eta_mean", "maxima", "chi", "steady_eta", "v",
-               "direction", "height", "probes_psi", "probes_eta", "before", "behind"}
+               "direction", "height", "probes_psi", "probes_eta", "before", "behind", "z"}
 ROUNDED = ("growth_rate", "wave_speed")  # of a matrix whose blocks have other signs; of a phase half a turn on
 PAIRS = {"psi_min": "psi_max", "psi_max": "psi_min", "psi_low": "psi_high", "psi_high": "psi_low"}
 
@@ -35,9 +35,14 @@ def mirrored(options):
             return -value
         if name == "load_v":
             return ",".join(f"{t}:{-float(v)!r}" for t, v in (pair.split(":") for pair in value.split(",")))
+        if name == "friction_table":
+            points = [tuple(map(float, pair.split(":"))) for pair in value.split(",")]
+            if points[0][0] >= 0:  # odd
+                return value
+            return ",".join(f"{-x!r}:{-y!r}" if x else f"0:{y!r}" for x, y in reversed(points))
         if name == "init_file":
             columns = np.loadtxt(value, ndmin=2)
-            columns[:, 1:3] *= -1
+            columns[:, 1:4 if bristles(options) else 3] *= -1
             np.savetxt("mirrored.txt", columns, fmt="%.17g")
             return "mirrored.txt"
         for ranged in ("boundary_from", "boundary_to", "sweep_from1", "sweep_to1", "wave_to", "cycle_to"):
@@ -45,6 +50,11 @@ def mirrored(options):
                 return -value
         return value
     return {name: turned(name, value) for name, value in options.items()}
+
+
+def bristles(options):
+    """Laws whose state changes sign as psi does."""
+    return options["friction_law"] in ("lugre", "dahl")
 
 
 def varied(options, name):
@@ -168,20 +178,55 @@ def files_differ(a, b, tolerance):
 
 # ---- scenes ----
 
+LAWS = ("cubic", "carlson-langer", "coulomb", "rate-and-state", "n-shaped", "table", "stribeck", "tanh", "slip-weakening", "lugre",
+        "dahl")
+WITH_THRESHOLD = ("carlson-langer", "coulomb", "table", "stribeck", "slip-weakening")
+
+
 def draw_law(random, o, smooth=False):
-    law = str(random.choice(["cubic", "carlson-langer", "coulomb", "rate-and-state", "n-shaped"]))
+    """Dieterich's plain logarithm, which holds for psi > 0 alone, has no mirror image."""
+    law = str(random.choice(LAWS))
     o["friction_law"] = law
-    if law in ("carlson-langer", "coulomb"):
-        if smooth or random.random() < 0.4:
-            o.update(friction_stick="regularised", friction_eps=random.uniform(0.02, 0.1))
-        if random.random() < 0.4:
-            o["state_law"] = str(random.choice(["healing", "contact-age"]))
+    if law in WITH_THRESHOLD and (smooth or random.random() < 0.4):
+        o.update(friction_stick="regularised", friction_eps=random.uniform(0.02, 0.1))
+        if law == "coulomb":
+            o["friction_slip_velocity"] = random.uniform(0.02, 0.3)
+    if law in ("carlson-langer", "coulomb", "table", "stribeck") and random.random() < 0.4:
+        o["state_law"] = str(random.choice(["healing", "contact-age"]))
     if law in ("rate-and-state", "n-shaped"):
         o.update(friction_a=random.uniform(0.05, 0.2), friction_b=random.uniform(0.1, 0.4),
                  friction_D=random.uniform(0.3, 1), friction_psi0=random.uniform(0.3, 1.5))
         if law == "rate-and-state":
-            o["state_law"] = str(random.choice(["ageing", "slip"]))
+            o["state_law"] = str(random.choice(["ageing", "slip", "prz"]))
+    if law == "table":
+        o.update(friction_table=draw_table(random), friction_table_beyond=str(random.choice(["constant", "constant", "slope"])))
+    if law in ("stribeck", "lugre"):
+        o.update(friction_fc=random.uniform(0.3, 0.8), friction_vs=random.uniform(0.1, 1))
+    if law == "stribeck":
+        o.update(friction_p=random.uniform(1, 3), friction_viscous=random.uniform(0, 0.2))
+    if law == "slip-weakening":
+        o.update(friction_Dc=random.uniform(0.1, 1), state_t_h=random.uniform(0.5, 5),
+                 friction_weakening=str(random.choice(["exponential", "linear"])))
+    if law in ("lugre", "dahl"):
+        o["friction_sigma0"] = random.uniform(2, 40)
+    if law == "lugre":
+        o.update(friction_sigma1=random.uniform(0, 1), friction_sigma2=random.uniform(0, 0.2))
+    if random.random() < 0.15:
+        o["model_drag"] = random.uniform(0.01, 0.3)
     return o
+
+
+def draw_table(random):
+    """Of both directions, which differ, or of one."""
+    threshold = random.uniform(0.7, 1.3)
+
+    def branch():
+        speeds = np.cumsum(random.uniform(0.1, 0.8, 5))
+        return [(f"{x:.4f}", f"{y:.4f}") for x, y in zip(speeds, threshold * random.uniform(0.3, 0.99, 5))]
+    points = ["0:%.4f" % threshold] + [":".join(point) for point in branch()]
+    if random.random() < 0.7:
+        points = [f"-{x}:-{y}" for x, y in reversed(branch())] + points
+    return ",".join(points)
 
 
 def draw_medium(random, n, ends=True):
@@ -220,7 +265,7 @@ def draw_run(random):
         points = o["grid_n"]
         x = np.arange(points) * (1. if "model_form" in o else o["grid_length"] / points)
         columns = [x, random.normal(o["model_v"], 0.3, points), random.normal(0, 0.3, points),
-                   random.uniform(0.5, 1.5, points)][:4 if has_state(o) else 3]
+                   random.normal(0, 0.02, points) if bristles(o) else random.uniform(0.5, 1.5, points)][:4 if has_state(o) else 3]
         np.savetxt("start.txt", np.stack(columns, axis=1), fmt="%.17g")
         o.update(init_type="text", init_file="start.txt")
     else:
@@ -228,13 +273,22 @@ def draw_run(random):
                  init_eta="steady" if random.random() < 0.4 else random.uniform(-1, 1), init_amplitude=random.uniform(-0.5, 0.5))
         if random.random() < 0.2:
             o["init_psi"] = "steady"
-        if random.random() < 0.2 and o["friction_law"] in ("carlson-langer", "coulomb"):
+        if random.random() < 0.2 and o["friction_law"] in WITH_THRESHOLD:
             o["init_psi"] = 0.
     if random.random() < 0.3:
         times = np.cumsum(random.uniform(0.5, 8, 4))
         o["load_v"] = ",".join(f"{t:.3f}:{random.uniform(-1, 1):.4f}" for t in times)
     if random.random() < 0.2:
         o.update(load_sine_amplitude=random.uniform(-0.5, 0.5), load_sine_period=random.uniform(1, 9))
+    if random.random() < 0.15:
+        times = np.cumsum(random.uniform(0.5, 8, 3))
+        o["load_normal"] = ",".join(f"{t:.3f}:{random.uniform(0.6, 1.4):.4f}" for t in times)
+    if random.random() < 0.15:
+        o.update(load_normal_sine_amplitude=random.uniform(-0.3, 0.3), load_normal_sine_period=random.uniform(1, 9))
+    if random.random() < 0.15:
+        o.update(load_force_sine_amplitude=random.uniform(-0.5, 0.5), load_force_sine_period=random.uniform(1, 9))
+    if random.random() < 0.1 and o["friction_law"] in WITH_THRESHOLD and "friction_stick" not in o:
+        o["load_halt"] = "true"
     middle = o.get("grid_length", o["grid_n"] - 1.) / 2
     if random.random() < 0.5:
         o.update(out_probes=f"{middle / 2!r},{middle!r}")
@@ -270,13 +324,17 @@ def draw_other_run(random):
 
 
 def has_state(o):
-    return "state_law" in o or o["friction_law"] in ("rate-and-state", "n-shaped")
+    return "state_law" in o or o["friction_law"] in ("rate-and-state", "n-shaped", "slip-weakening", "lugre", "dahl")
 
 
 def explore(scenes, draw, command, salt, short, tolerance):
     answered, bad = 0, []
     for index, options in scenes(draw, salt=salt, short=short):
-        code, report, words = compare(command, options, tolerance)
+        # the rate of bristles has a corner at rest, about which Newton's differences take another side in the mirror image, and
+        # meshes differ: within the error of an orbit or of a root, not to round-off
+        coarse = tolerance > 0 and bristles(options)
+        code, report, words = compare(command, options, 1e-4 if coarse else tolerance)
+        report = [r for r in report if not (coarse and r.split(":")[0].endswith(("/mesh_intervals", "/residual")))]
         answered += code == 0
         if report:
             bad.append(f"scene {index}: {command} {' '.join(words)}\n    " + "\n    ".join(r[:600] for r in report[:9]))
