@@ -99,7 +99,7 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
   const double exponents = double(options.integer("lyapunov_count"));
   // a checkpoint copies it
-  const double state = u.V + FieldWatch::bytes_a_node() + RestFraction::bytes_a_node();
+  const double state = u.V + FieldWatch::bytes_a_node() + RestFraction::bytes_a_node(scene.friction, u.V);
   double bytes =
       state + 8 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way, file || exponents > 0 || sticks);
   if (file) bytes += Frames::bytes_a_node(u.V);

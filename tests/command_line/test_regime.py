@@ -165,6 +165,37 @@ def test_rest_fraction_is_the_cycles(law, tolerance):
     assert alike["rest_fraction"] == pytest.approx(found["rest_fraction"], abs=tolerance)
 
 
+@pytest.mark.parametrize("steps", ["", "-ts_rtol 1e-9 -ts_atol 1e-9"])
+def test_rest_begins_and_ends_within_steps(steps):
+    """Regularised friction at usual tolerances; 0.24611 by scipy's Radau at 1e-10."""
+    s, _ = run(f"-model_form chain -grid_n 1 -bc_left free -friction_law coulomb -friction_fd .87 -friction_stick regularised "
+               "-friction_eps .036 -friction_slip_velocity .2 -model_m 1.7 -model_k0 .47 -model_f0 .73 -model_zeta .054 -model_v .4 "
+               f"-ts_max_time 140 {steps}")
+    assert s["rest_fraction"] == pytest.approx(0.24611, abs=1e-4)
+
+
+def test_held_ends_are_no_blocks_that_wait():
+    """The one block between them slips and rests in turn, as it does between more blocks."""
+    for n in (3, 4):
+        s, _ = run(f"-model_form chain -friction_law coulomb -grid_n {n} -bc_left velocity -bc_right velocity -model_v .1 -model_k0 1 "
+                   "-model_k1 .3 -init_psi 0 -init_eta 0 -ts_max_time 200")
+        assert s["regime"] == "stick-slip" and s["period"] > 1, (n, s["regime"], s["period"])
+
+
+@pytest.mark.parametrize("law", ["dahl -friction_sigma0 5", "lugre -friction_sigma0 3", "table -friction_table -2:-0.3,0:1,1:0.7"])
+def test_backwards_is_the_mirror_image(law):
+    """Also where the state has a sign, and the law differs from one direction to the other."""
+    def motion(side):
+        turned = " ".join("-friction_table -1:-0.7,0:1,2:0.3" if word == "-friction_table -2:-0.3,0:1,1:0.7" and side < 0 else word
+                          for word in law.partition("-friction_table -2:-0.3,0:1,1:0.7"))
+        return run(f"-model_form chain -grid_n 1 -bc_left free -friction_law {turned} -model_v {0.5 * side} -init_psi {0.1 * side} "
+                   f"-init_eta {0.1 * side} -ts_max_time 60")[0]
+    there, back = motion(1), motion(-1)
+    for key in ("amplitude", "regime", "regime_rate", "period", "rest_fraction", "time_to_decide"):
+        assert there[key] == back[key], key
+    assert there["psi_low"] == -back["psi_high"] and there["psi_high"] == -back["psi_low"]
+
+
 def test_an_oscillation_that_never_rests():
     """It swings through psi = 0 both ways, and its force never holds it there."""
     scene = f"{SLIDER} -model_k0 1 -model_zeta 0.005 -model_v 6 -ts_max_time 100 -out_file r.h5 -out_checkpoint_every 300"
@@ -174,8 +205,9 @@ def test_an_oscillation_that_never_rests():
     assert "though nothing rests" in said
 
 
-def test_rest_fraction_through_a_checkpoint():
-    scene = f"{SLIDER} -model_v 0.5 -model_zeta 0.1 -ts_max_time 60 -out_file whole.h5"
+@pytest.mark.parametrize("law", ["", "-friction_stick regularised -friction_eps 1e-2"])
+def test_rest_fraction_through_a_checkpoint(law):
+    scene = f"{SLIDER} -model_v 0.5 -model_zeta 0.1 -ts_max_time 60 -out_file whole.h5 {law}"
     whole, _ = run(f"{scene} -out_checkpoint_every 50 -out_checkpoint_keep 9")
     checkpoints = sorted(glob.glob("whole.chk-*.h5"))
     for checkpoint in (checkpoints[0], checkpoints[-2]):
