@@ -101,6 +101,18 @@ std::vector<double> slopes_at(const Points& p) {
   return slopes;
 }
 
+// Friction that goes on beyond the last speed of a direction with its last slope must not come to push.
+void check_beyond(const Points& points, double side) {
+  const double slope = slopes_at(points).back();
+  const auto [last, force] = points.back();
+  if (slope < 0)
+    throw usage_error(
+        "-friction_table_beyond slope: friction falls at the last velocity, {}, and would be {} beyond "
+        "{}; take constant",
+        number_text(side * last), side > 0 ? "negative" : "positive",
+        rounded_text(side * (last - force / slope), 4));
+}
+
 // The least and the largest slope of a piece of that length.
 std::pair<double, double> slopes_of(double slope, double bend, double twist, double length) {
   const auto at = [&](double y) { return slope + y * (2 * bend + 3 * twist * y); };
@@ -157,6 +169,7 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   base_ = b.base;
   if (directions.size() > 1) backward_ = b.count;
   for (const Points& one : directions) {
+    if (straight_beyond) check_beyond(one, &one == &directions[0] ? 1 : -1);
     const std::vector<CubicPiece> pieces = pieces_of(one, straight_beyond);
     threshold_ = pieces.front().value;
     std::size_t k = 0;  // the piece at the begin of the bucket
@@ -195,11 +208,6 @@ std::vector<FrictionCurve::CubicPiece> FrictionCurve::pieces_of(const Points& po
     bounds_ = {std::max(bounds_.falling, -low), std::max(bounds_.rising, high)};
   }
   const auto [last, force] = points.back();
-  if (straight_beyond && slopes.back() < 0)
-    throw usage_error(
-        "-friction_table_beyond slope: friction falls at the last velocity, {}, and would be "
-        "negative beyond {}; take constant",
-        number_text(last), rounded_text(last - force / slopes.back(), 4));
   pieces.push_back({last, force, straight_beyond ? slopes.back() : 0, 0, 0});
   return pieces;
 }

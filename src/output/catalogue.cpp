@@ -146,38 +146,51 @@ void Magnitudes::archive(Archive& a) {
 }
 
 void Recurrence::add(const SlipEvent& event) {
-  if (std::isfinite(last_)) system_.add(event.end - last_);
+  if (std::isfinite(last_)) system_.add({1, event.end - last_});
   last_ = event.end;
   const PetscInt first = PetscInt(nodes_.first), behind = first + PetscInt(nodes_.count);
   for (const PetscInt left : {event.left - all_, event.left})  // round a ring
     for (PetscInt i = std::max(left, first); i < std::min(left + event.count, behind); ++i) {
       double& last = last_of_[std::size_t(i - first)];
-      if (std::isfinite(last)) node_.add(event.end - last);
+      if (std::isfinite(last)) node_.add({1, event.end - last});
       last = event.end;
     }
 }
 
 Json Recurrence::of(const Sums& sums) {
-  const double mean = sums.times / sums.count;
-  const double variance = std::max(0., sums.squares - sums.times * mean) / (sums.count - 1);
+  const double deviation = std::sqrt(sums.squares / (sums.count - 1));
   return Json::object({{"count", sums.count},
-                       {"mean", sums.count > 0 ? Json(mean) : Json()},
-                       {"variation", sums.count > 1 ? Json(std::sqrt(variance) / mean) : Json()}});
+                       {"mean", sums.count > 0 ? Json(sums.mean) : Json()},
+                       {"variation", sums.count > 1 ? Json(deviation / sums.mean) : Json()}});
+}
+
+Recurrence::Sums Recurrence::of_all_ranks() const {
+  const auto rank = std::size_t(rank_in(nodes_.comm)), ranks = std::size_t(ranks_in(nodes_.comm));
+  std::vector<double> all(3 * ranks);
+  all[3 * rank] = node_.count;
+  all[3 * rank + 1] = node_.mean;
+  all[3 * rank + 2] = node_.squares;
+  sum_over(nodes_.comm, all.data(), int(all.size()));
+  Sums sums;
+  for (std::size_t r = 0; r < ranks; ++r) sums.add({all[3 * r], all[3 * r + 1], all[3 * r + 2]});
+  return sums;
 }
 
 Json Recurrence::found() const {
-  double sums[3] = {node_.count, node_.times, node_.squares};
-  sum_over(nodes_.comm, sums, 3);
-  return Json::object({{"system", of(system_)}, {"node", of({sums[0], sums[1], sums[2]})}});
+  return Json::object({{"system", of(system_)}, {"node", of(of_all_ranks())}});
 }
 
 void Recurrence::archive(Archive& a) {
-  if (!a.has("events.recurrence")) return;
-  a("events.recurrence", last_, system_.count, system_.times, system_.squares);
-  std::vector<double> own = {node_.count, node_.times, node_.squares};
+  if (!a.has("events.recurrence_times")) return;
+  a("events.recurrence_times", last_, system_.count, system_.mean, system_.squares);
+  // Those of each rank, and beside them what other ranks than these may add up.
+  const double off = node_.mean - (a.restores() ? 0 : of_all_ranks().mean);
+  std::vector<double> own = {node_.count, node_.mean, node_.squares, node_.count * node_.mean,
+                             node_.squares + node_.count * off * off};
   a.by_rank("events.recurrence_of_nodes", own);
-  if (own.size() != 3) throw std::runtime_error("its 'events.recurrence_of_nodes' does not fit");
+  if (own.size() != 5) throw std::runtime_error("its 'events.recurrence_of_nodes' does not fit");
   node_ = {own[0], own[1], own[2]};
+  if (own[3] != own[0] * own[1]) node_ = {own[0], own[3] / own[0], own[4]};
   a.nodes("events.last_of_nodes", {&last_of_});
 }
 

@@ -46,15 +46,19 @@ class Recurrence {
   void archive(Archive& a);
 
  private:
+  // Their number, mean, and sum of squares about it: of equal times 0 to round-off, however they are divided.
   struct Sums {
-    double count = 0, times = 0, squares = 0;
-    void add(double time) {
-      count += 1;
-      times += time;
-      squares += time * time;
+    double count = 0, mean = 0, squares = 0;
+    void add(const Sums& more) {
+      if (more.count == 0) return;
+      const double off = more.mean - mean, part = more.count / (count + more.count);
+      squares += more.squares + off * off * count * part;
+      mean += off * part;
+      count += more.count;
     }
   };
   static Json of(const Sums& sums);
+  Sums of_all_ranks() const;  // of nodes; collective
 
   NodeRange nodes_;
   PetscInt all_;

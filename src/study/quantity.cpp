@@ -21,10 +21,21 @@ Quantity Quantity::from(const Options& options) {
   if (text == "speed") return {Kind::speed};
   if (text == "amplitude") return {Kind::amplitude};
   if (text != "period") throw UsageError(wrong);
-  if (!options.is_set("out_probes"))
-    throw UsageError("accuracy_of period: it is that of the motion at out_probes, of which there are none");
   return {Kind::period};
 }
+
+namespace {
+
+// Of out_probes, if given; else the middle of the scene, in a chain the block there that is not held.
+std::vector<double> places_of_period(const Options& options) {
+  if (options.is_set("out_probes")) return options.reals("out_probes");
+  const Scene scene = Scene::from(options, false);
+  if (scene.form == Form::continuum) return {scene.length / 2};
+  const PetscInt middle = scene.n / 2;
+  return {scene.x(scene.held(middle) && middle > 0 ? middle - 1 : middle)};
+}
+
+}  // namespace
 
 std::vector<double> Quantity::places(const Options& options) const {
   if (kind == Kind::probe) return {x};
@@ -39,7 +50,7 @@ MeasureMaker Quantity::measure(const Options& options) const {
     case Kind::amplitude:
       return [t_end](const Model& model, const Scene&) { return std::make_unique<Amplitude>(model, t_end); };
     case Kind::period:
-      return [t_end, x = options.reals("out_probes")](const Model& model, const Scene& whole) {
+      return [t_end, x = places_of_period(options)](const Model& model, const Scene& whole) {
         return std::make_unique<Period>(model, whole, x, t_end, true);
       };
     case Kind::fields:

@@ -15,7 +15,7 @@ struct Quantity {
   Kind kind = Kind::fields;
   double x = 0;  // of the probe
 
-  // Throws UsageError where it is none of these, or period without probes.
+  // Throws UsageError where it is none of these.
   static Quantity from(const Options& options);
 
   // Numbers, of which errors may pass through zero from one level of a ladder to the next; not the largest

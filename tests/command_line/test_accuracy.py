@@ -259,11 +259,18 @@ def test_probe():
     assert error <= 1e-5 and error / 3 <= made["error_estimate"], (error, made["error_estimate"])
 
 
+def test_period_without_probes():
+    """That of the middle block, which here is the only one: the period of its cycle."""
+    block = ["-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-model_v", 0.3]
+    cycle = json.loads(ran([PROGRAM, "cycle", *block, "-summary", "-"]).stdout)
+    made, (period,) = asked_of("period", 1e-5, *block, "-ts_max_time", 60)
+    assert abs(period - cycle["period"]) <= 1e-5 and made["period"] == period
+
+
 def test_numbers_that_are_not_there():
     said = run(*SCENE, "-accuracy", 1e-3, "-accuracy_of", "speed", "-accuracy_seconds", 2, "-bc_left", "free", "-init_type",
                "uniform", code=1)
     assert "no wave_speed to measure" in said["reason"], said["reason"]
-    assert "out_probes" in run(*SCENE, "-accuracy", 1e-3, "-accuracy_of", "period", code=2)
     assert "accuracy_of" in run(*SCENE, "-accuracy", 1e-3, "-accuracy_of", "probe:30", code=2)
     assert "accuracy_of" in run(*SCENE, "-accuracy", 1e-3, "-accuracy_of", "length", code=2)
     assert "-accuracy" in run(*SCENE, "-accuracy_of", "speed", code=2)

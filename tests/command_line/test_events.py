@@ -111,13 +111,15 @@ def test_how_soon_events_follow_each_other():
         check(all(np.isclose(again["recurrence"]["node"][key], of_node[key], rtol=1e-3) for key in of_node)
               and np.isclose(again["recurrence"]["system"]["mean"], of_system["mean"], rtol=1e-3), again["recurrence"])
     # one block in closed form: the period of test_a_block_in_closed_form, over and over
-    s, _ = run("-model_form chain -model_k0 1 -model_v 0.1 -friction_law coulomb -grid_n 6 -bc_left free -init_psi 0 -init_eta 0"
-               " -ts_max_time 100 -ts_rtol 1e-9 -ts_atol 1e-9 -out_events")
+    block = ("-model_form chain -model_k0 1 -model_v 0.1 -friction_law coulomb -grid_n 6 -bc_left free -init_psi 0 -init_eta 0"
+             " -ts_max_time 100 -ts_rtol 1e-9 -ts_atol 1e-9 -out_events")
+    s, on_two = (run(block, ranks=ranks)[0] for ranks in (1, 2))
     duration = 2 * (np.pi - np.arctan(5))
     period = duration + (0.1 * (duration - np.sin(duration)) + 0.5 * (1 - np.cos(duration)) - 0.1 * duration) / 0.1
     for name, count in (("system", 6), ("node", 36)):
         found = s["recurrence"][name]
         check(found["count"] == count and abs(found["mean"] - period) < 1e-7 and found["variation"] < 1e-7, found)
+        check(abs(found["variation"] - on_two["recurrence"][name]["variation"]) < 1e-13, (found, on_two["recurrence"][name]))
 
 
 def first_slips_by_scipy(scene, eta, end):
