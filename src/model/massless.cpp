@@ -22,6 +22,7 @@ Partials MasslessNode::force(double psi, double state, double direction) const {
 }
 
 double MasslessNode::velocity(double eta, double state, double guess) const {
+  if (law.steep) return steep_zero(eta, state, guess);
   if (!law.sticks) return zero(eta, state, guess, 0);
   const double limit = amplitude * law.threshold(state).value;
   if (eta <= limit && (eta >= -limit || !back_slip)) return 0;
@@ -44,12 +45,41 @@ double MasslessNode::zero(double eta, double state, double guess, double directi
     good = psi;
     (r < 0 ? low : high) = psi;
     double next = psi - r / slope;
-    if (law.steep) next = law.newton_psi(psi, state, next, state, B / amplitude);
     if (!(next > low && next < high))
       next = low > -HUGE_VAL && high < HUGE_VAL ? low + (high - low) / 2 : next;
     const bool done = std::abs(r) <= round_off * (std::abs(own) + std::abs(p.F) + std::abs(eta)) ||
                       std::abs(next - psi) <= round_off * std::abs(psi);
-    if (done) return law.steep || rises_between(guess, psi, state, direction) ? psi : lost;
+    if (done) return rises_between(guess, psi, state, direction) ? psi : lost;
+    psi = next;
+  }
+  return lost;
+}
+
+// In y = ln |psi| the law is a line, or convex where it bends at rest, and B psi convex; in psi itself B psi
+// is a line and the law concave. So Newton's step in y ends at or above the zero and that in psi at or below
+// it; of what lies between them the next place is the one where B psi weighs as much as the law, since
+// either step is good on its own side of it.
+double MasslessNode::steep_zero(double eta, double state, double guess) const {
+  constexpr double least = std::numeric_limits<double>::min(), most = 1e300;
+  const auto excess = [&](double psi) { return B * psi + force(psi, state, 0).F - eta; };
+  if (!std::isfinite(eta) || !std::isfinite(state)) return lost;
+  const bool forwards = excess(least) < 0, backwards = excess(-least) > 0;
+  // a law for psi > 0 alone is no number at -least, and never comes to rest
+  if (!forwards && !backwards) return std::isnan(excess(-least)) ? least : 0;
+  const double side = forwards ? 1 : -1;
+  double low = least, high = HUGE_VAL, psi = std::clamp(side * guess, least, most);
+  for (int round = 0; round < 200; ++round) {
+    const Partials p = force(side * psi, state, 0);
+    const double own = B * psi, F = side * p.F, r = own + F - side * eta, slope = B + p.F_psi;
+    if (std::isnan(r)) return lost;
+    if (std::abs(r) <= round_off * (own + std::abs(F) + std::abs(eta))) return side * psi;
+    (r < 0 ? low : high) = psi;
+    const double below = psi - r / slope, above = psi * std::exp(std::min(-r / (slope * psi), 700.));
+    const double balance = psi * p.F_psi / B;  // infinite without B: then all is the law's
+    double next = std::min(std::max(below, balance), above);
+    if (!(next > low && next < high)) next = std::sqrt(low) * std::sqrt(std::min(high, most));
+    if (std::abs(next - psi) <= round_off * psi || high <= low * (1 + round_off)) return side * psi;
+    if (low >= most / 2) return lost;
     psi = next;
   }
   return lost;

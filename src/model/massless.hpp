@@ -5,8 +5,11 @@
 //
 // The motion goes on along one branch of r's zeros as long as dr/dpsi = B + a_i F_psi > 0. Where that is lost
 // psi would have to jump, over no time: then there is no answer, and the node is named (NaN in psi). Between
-// the last psi and a far new one the slope is looked at in steps of at most half of psi. Friction that is
-// steep at rest (a direct effect, asinh) rises with psi at every state and is not looked at.
+// the last psi and a far new one the slope is looked at in steps of at most half of psi.
+//
+// Friction that is steep at rest (a direct effect, ln or asinh of psi) rises with psi at every state, so that
+// r has one zero, over any number of decades of psi: it is solved for in ln |psi|, and lies in what a double
+// can hold.
 //
 // Friction that sticks holds psi = 0 while |eta| is within its threshold and begins to slip without a jump
 // where sliding friction begins at the threshold (no fs > fd) and B psi rises faster than friction falls
@@ -39,6 +42,7 @@ struct MasslessNode {
  private:
   Partials force(double psi, double state, double direction) const;
   double zero(double eta, double state, double guess, double direction) const;
+  double steep_zero(double eta, double state, double guess) const;
   bool rises_between(double from, double to, double state, double direction) const;
 };
 

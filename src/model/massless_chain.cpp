@@ -78,8 +78,8 @@ std::string MasslessChain::velocity_jump(Vec u) const {
   if (lost[2] != 0)  // friction that is steep at rest rises with psi, so that there is a velocity
     return fmt::format(
         "the block at x = {:.6g} runs away from psi = {:.6g}: the velocity that goes with its force is "
-        "beyond "
-        "all numbers, and without mass nothing holds it back; take model_m > 0",
+        "beyond all numbers, and without mass or viscosity nothing holds it back; take model_zeta > 0, or "
+        "model_m > 0",
         lost[0], lost[1]);
   return fmt::format(
       "the force on the block at x = {:.6g} does not say what psi is: from psi = {:.6g} on friction falls "
@@ -87,8 +87,10 @@ std::string MasslessChain::velocity_jump(Vec u) const {
       lost[0], lost[1]);
 }
 
-// With friction that falls less than psi rises, but for good, a block goes ever faster within a finite time.
+// Without zeta nothing bounds psi: where friction falls for good a block goes ever faster within a finite
+// time.
 std::string MasslessChain::runaway(Vec u) const {
+  if (scene_.B() > 0) return "";
   constexpr double far = 1e6;  // of the plate's velocity
   const Reading a(u);
   double fastest = 0;
@@ -97,7 +99,8 @@ std::string MasslessChain::runaway(Vec u) const {
   const double v = scene_.v != 0 ? std::abs(scene_.v) : 1;
   if (!(fastest > far * v)) return "";
   return fmt::format(
-      "a block runs away, at psi = {:.3g} by now: without mass nothing holds it back; take model_m > 0",
+      "a block runs away, at psi = {:.3g} by now: without mass or viscosity nothing holds it back; take "
+      "model_zeta > 0, or model_m > 0",
       fastest);
 }
 

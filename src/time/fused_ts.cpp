@@ -57,6 +57,11 @@ void FusedTs::interpolate(double s, Vec into) {
   SS_TRY(VecMAXPY(into, terms.size(), weights.data(), const_cast<Vec*>(terms.data())));
 }
 
+bool FusedTs::shorter(double s, Vec into) const {
+  const StepTaker::Outcome end = step_->take(before_, s * dt_, norm_, adaptive_, into, {}, nullptr, t_);
+  return end.finite && end.solved;
+}
+
 #ifdef STICKSLIP_FUSED_STEP
 
 std::string FusedTs::fused_type(const std::string& type) {
@@ -108,15 +113,15 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   TSAdaptType kind;
   SS_TRY(TSGetAdapt(ts, &adapt));
   SS_TRY(TSAdaptGetType(adapt, &kind));
-  const bool adaptive = kind && std::string(kind) != TSADAPTNONE;
+  adaptive_ = kind && std::string(kind) != TSADAPTNONE;
   t_ = ts->ptime;
   dt_ = ts->time_step;
   norm_ = {ts->atol, ts->rtol, adapt->wnormtype};
   slopes_kept_ = keep_slopes_(ts->ptime + dt_ * (1 + 1e-12));
   if (slopes_kept_) make_slopes();
-  outcome_ = step_->take(before_, dt_, norm_, adaptive, ts->vec_sol, slopes_kept_ ? slopes_ : none,
+  outcome_ = step_->take(before_, dt_, norm_, adaptive_, ts->vec_sol, slopes_kept_ ? slopes_ : none,
                          slope_at_end_ ? slope_at_end_() : nullptr, t_);
-  if (adaptive && !(outcome_.finite && outcome_.solved)) {
+  if (adaptive_ && !(outcome_.finite && outcome_.solved)) {
     double scale;
     SS_TRY(TSAdaptGetScaleSolveFailed(adapt, &scale));
     ts->time_step = scale * dt_;

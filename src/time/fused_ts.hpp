@@ -42,6 +42,8 @@ class FusedTs {
 
   // u at the part s of the last step, by the method's own polynomial.
   void interpolate(double s, Vec into);
+  // The same by a step that ends there; false where it finds no solution.
+  bool shorter(double s, Vec into) const;
 
   Vec before() const { return before_; }           // u at the beginning of the step
   bool finite() const { return outcome_.finite; }  // the last step
@@ -66,6 +68,7 @@ class FusedTs {
   VecHandle before_;
   StepTaker::Outcome outcome_{};
   std::vector<VecHandle> slopes_;
+  bool adaptive_ = false;
   bool slopes_kept_ = false;  // those of the last step
   double t_ = 0, dt_ = 0;     // of the last step: where it begins, its length
   ErrorNorm norm_{};

@@ -12,6 +12,7 @@
 #include "time/dense_output.hpp"
 #include "time/equations.hpp"
 #include "time/fused_ts.hpp"
+#include "time/shorter_step.hpp"
 #include "time/step_guard.hpp"
 #include "time/stick_steps.hpp"
 
@@ -29,10 +30,12 @@ struct Integrator::Impl {
   double fixed_dt = 0;  // where it is not
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
+  ShorterStep shorter;                 // in place of polynomials where these mean nothing
   std::unique_ptr<StickSteps> stick;
   Advance advance;
   VecHandle kept;  // u at the beginning of the step, see begin_step
   bool has_kept = false;
+  VecHandle allowed, no_part;  // of errors, absolute and relative, where psi's judge eta's (narrow_errors)
   std::function<double(double)> next_output_time;
   struct Checkpoint {
     std::int64_t step;
@@ -40,7 +43,8 @@ struct Integrator::Impl {
   };
   std::optional<Checkpoint> checkpoint;  // to go on from
 
-  Impl(const Model& m, const std::string& p) : model(m), prefix(p), guard(m), advance(m) {}
+  Impl(const Model& m, const std::string& p)
+      : model(m), prefix(p), guard(m), shorter(m), advance(m) {}
 
   // ---- set-up (set_up.cpp) ----
   void set_up(const MethodSpec& spec, Vec u);
@@ -73,6 +77,7 @@ struct Integrator::Impl {
   TSConvergedReason solve_piece(Vec u);
   [[noreturn]] void fail(TSConvergedReason reason) const;
   void begin_step();
+  void narrow_errors();
   void after_step();
   void check_floor(const Step& step);
   Step step_now();

@@ -17,14 +17,14 @@ namespace {
 constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
 
 // The norm in which the error of a step is kept below its tolerance, where the user names none: PETSc's mean
-// over all unknowns, but with friction that sticks exactly the largest. There mostly a few blocks move while
-// the others rest and err by nothing, and the mean would let these few err by the more the longer the chain
-// is. PETSc takes the norm of a TSAdapt from the options alone, among which it therefore stands while this
-// does.
+// over all unknowns, but with friction that sticks exactly, and without mass where friction is steep at rest,
+// the largest. There mostly a few blocks move while the others rest or creep and err by nothing, and the mean
+// would let these few err by the more the longer the chain is. PETSc takes the norm of a TSAdapt from the
+// options alone, among which it therefore stands while this does.
 class UsualNorm {
  public:
-  UsualNorm(const Scene& scene, const std::string& prefix) : name_("-" + prefix + "ts_adapt_wnormtype") {
-    if (!Stick::applies_to(scene) || user_set(prefix, "ts_adapt_wnormtype")) return;
+  UsualNorm(const Model& model, const std::string& prefix) : name_("-" + prefix + "ts_adapt_wnormtype") {
+    if (!names_few(model) || user_set(prefix, "ts_adapt_wnormtype")) return;
     SS_TRY(PetscOptionsSetValue(nullptr, name_.c_str(), "infinity"));
     set_ = true;
   }
@@ -35,6 +35,11 @@ class UsualNorm {
   UsualNorm& operator=(const UsualNorm&) = delete;
 
  private:
+  static bool names_few(const Model& model) {
+    return Stick::applies_to(model.scene()) ||
+           (model.scene().massless() && model.friction_law(0).steep);
+  }
+
   std::string name_;
   bool set_ = false;
 };
@@ -54,7 +59,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   equations->attach(ts, kind, strictest_tolerance(spec), prefix);
   set_step_control(spec, rates);
   {
-    const UsualNorm norm(model.scene(), prefix);
+    const UsualNorm norm(model, prefix);
     SS_TRY(TSSetFromOptions(ts));
   }
   // What the method was given overrides the options of PETSc.
@@ -72,7 +77,8 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   read_adaptivity(spec.step > 0, u);
   SS_TRY(TSGetTimeStep(ts, &fixed_dt));
   set_dense_output();
-  if (!fused && (guard.undoes() || dense || stick)) kept = model.create_vector();
+  shorter.set_up(fused, *method, choice.implicit, adaptive);
+  if (!fused && (guard.undoes() || dense || stick || shorter.may_be_asked())) kept = model.create_vector();
   advance.report.method = method->name();
   advance.report.implicit = choice.implicit;
 }

@@ -55,13 +55,23 @@ bool StepGuard::repeats(TS ts, Vec before) {
   return true;
 }
 
-// Adaptive methods only: a stage that is not finite rejects the step, which PETSc would accept, since no
-// comparison with NaN is true. What goes wrong in an early stage of rk reaches the last one, so that later
-// steps look at that alone.
+Vec StepGuard::work_of(Vec u) {
+  if (!work_) SS_TRY(VecDuplicate(u, work_.out()));
+  return work_;
+}
+
+// Adaptive methods only: a stage that is not finite, or without mass one that says no psi, rejects the step,
+// which PETSc would accept, since no comparison with NaN is true. What goes wrong in an early stage of rk
+// reaches the last one, so that later steps look at that alone.
 bool StepGuard::accepts(Vec u) {
   const bool last = stage_ == last_stage_;
   if (last_stage_ >= 0 && started_ && !last) return true;
-  const bool accept = all_finite(model_, u);
+  bool accept = all_finite(model_, u);
+  if (accept && model_.scene().massless()) {
+    SS_TRY(VecCopy(u, work_of(u)));
+    model_.solve_velocities(work_);
+    accept = all_finite(model_, work_);
+  }
   checked_last_ = last;
   return accept;
 }

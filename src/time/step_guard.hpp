@@ -29,7 +29,10 @@ class StepGuard {
   bool knows_solution();
 
  private:
+  Vec work_of(Vec u);
+
   const Model& model_;
+  VecHandle work_;
   bool undoes_ = false, first_same_as_last_ = false, adaptive_ = false;
   bool started_ = false;  // a step has been accepted
   bool checked_last_ = false;

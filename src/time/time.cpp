@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/failure.hpp"
+#include "base/local_values.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {
@@ -47,6 +48,43 @@ PetscErrorCode Integrator::Impl::PostStep(TS ts) {
 // ---- one step
 // ---------------------------------------------------------------------------------------------------
 
+// Without mass psi follows from eta and the state. Where friction is steep it goes by their exponential,
+//     d ln psi = (d eta - F_s ds)/(psi (B + F_psi)),
+// and an error that is small beside eta may be any number of decades of psi: errors of eta and the state are
+// judged by what they make of psi, of which each may be rtol. psi F_psi of a logarithm is the same at every
+// psi; where it bends at rest, below the plate's velocity, that is what is taken.
+void Integrator::Impl::narrow_errors() {
+  const Scene& s = model.scene();
+  if (!adaptive || !s.massless() || !model.friction_law(0).steep) return;
+  if (!allowed) {
+    allowed = model.create_vector();
+    no_part = model.create_vector();
+  }
+  Vec u;
+  double atol, rtol;
+  SS_TRY(TSGetSolution(ts, &u));
+  SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
+  const double usual = s.v != 0 ? std::abs(s.v) : 1;
+  const int dof = model.dof();
+  {
+    const Reading a(u);
+    const Writing into(allowed);
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const double *const at = a + i * dof, state = dof == 3 ? at[2] : 0;
+      double* const of = into + i * dof;
+      of[0] = 0;  // psi is no unknown
+      for (int d = 1; d < dof; ++d) of[d] = atol + rtol * std::abs(at[d]);
+      if (s.held(model.first() + i)) continue;
+      const double size = std::abs(at[0]), from = std::max(size, usual);
+      const Partials p = model.friction(i, from, state);
+      const double eta = rtol * (s.B() * size + from * p.F_psi);
+      of[1] = std::min(of[1], eta);
+      if (dof == 3) of[2] = std::min(of[2], eta / std::abs(p.F_state));
+    }
+  }
+  SS_TRY(TSSetTolerances(ts, PETSC_DECIDE, allowed, PETSC_DECIDE, no_part));
+}
+
 void Integrator::Impl::begin_step() {
   double dt;
   SS_TRY(TSGetTime(ts, &advance.t_before));
@@ -54,12 +92,15 @@ void Integrator::Impl::begin_step() {
   SS_TRY(TSGetStepRejections(ts, &advance.rejections_seen));
   if (stick) stick->engage();
   if (dense) dense->forget();
+  shorter.forget();
   guard.begin_step(ts);
   equations->begin_step(ts);
+  narrow_errors();
   // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall
   // in.
+  const bool may_need_it = dense || shorter.may_be_asked();
   has_kept =
-      !fused && (guard.undoes() || stick || (dense && output_due(advance.t_before + dt * (1 + 1e-12))));
+      !fused && (guard.undoes() || stick || (may_need_it && output_due(advance.t_before + dt * (1 + 1e-12))));
   if (!has_kept) return;
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
@@ -162,8 +203,14 @@ void Integrator::Impl::interpolate(double at, Vec into) {
     return;
   }
   const double dt = t - advance.t_before, part = (at - advance.t_before) / dt;
-  if (dense) {
-    if (!fused && !has_kept) throw std::logic_error("interpolation at a time that was not announced");
+  const bool has_begin = fused || has_kept;
+  if (dense && !has_begin) throw std::logic_error("interpolation at a time that was not announced");
+  if (has_begin && shorter.is_stiff(before(), u, dt)) {
+    double atol, rtol;
+    if (stick) stick->engage();
+    SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
+    shorter.take(before(), u, advance.t_before, dt, part, atol, rtol, into);
+  } else if (dense) {
     if (stick) stick->engage();
     dense->interpolate(before(), u, advance.t_before, dt, part, into);
   } else if (fused) {

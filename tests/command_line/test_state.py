@@ -4,8 +4,9 @@ import math
 
 import h5py
 import numpy as np
+import pytest
 
-from calls import check, run
+from calls import check, data, run
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free"
 
@@ -110,3 +111,15 @@ def test_start_from_a_file():
         check(error.startswith("stickslip: error: ") and error.count("\n") == 1 and word in error, f"{scene}: {error}")
     _, error = run("-init_type file", code=2)
     check("init_file" in error, error)
+
+
+@pytest.mark.parametrize("method", ("", "-imex_implicit both", "-ts_type rosw", "-ts_type arkimex -ts_arkimex_type 5"))
+def test_frames_of_light_blocks(method):
+    """psi of frames lies where psi of steps does; by a cubic through slopes, which are f0/m = 1000 times what eta is off, it was
+    2000 times as large."""
+    s, _ = run("-model_form chain -grid_n 2 -bc_left free -friction_law rate-and-state -friction_a .01 -friction_b .015 -friction_D 1e-5 "
+               "-friction_psi0 1e-6 -model_m 10 -model_k0 5.5e6 -model_k1 2e7 -model_f0 1e4 -model_v 1e-6 -init_psi .8e-6 "
+               f"-init_eta steady -init_noise 3e-7 -ts_max_time 400 -out_frames 81 -out_file light.h5 {method}")
+    file = data("light.h5")
+    psi, seen = file["psi"], file["series/psi_max"].max()
+    check(psi.min() > 0 and psi.max() <= seen * 1.01, f"{s['method']}: {psi.min()} {psi.max()}, steps up to {seen}")

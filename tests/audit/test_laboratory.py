@@ -1,0 +1,46 @@
+"""Rate-and-state sliders with what laboratories and faults have, against SciPy's LSODA in ln psi and ln theta (which Radau
+agrees with)."""
+import numpy as np
+
+from calls import check, data, run
+from laboratory import draw, motion
+from reference import words
+
+
+
+def start(p, index):
+    """The options with psi of each block at the start, and what the program is to be told beside them."""
+    noise = [] if p["grid_n"] == 1 else ["-init_noise", str(0.1 * p["init_psi"]), "-init_seed", str(index + 1)]
+    run(words(p | {"ts_max_time": p["friction_D"] / p["model_v"]}) + noise + ["-out_file", "start.h5", "-out_times", "0"])
+    return p | {"init_psi": data("start.h5")["psi"][0]}, noise
+
+
+def passages(p):
+    """When psi of the first block rises through v, in the second half of the run, and how fast ln psi rises there."""
+    _, passed = motion(p, [0, p["ts_max_time"]], 1e-9, "LSODA")
+    late = passed[passed > 0.5 * p["ts_max_time"]]
+    if len(late) < 3 or np.ptp(np.diff(late)) > 1e-6 * np.diff(late).mean():
+        return None, None
+    before = late - 1e-6 * np.diff(late).mean()
+    psi, _ = motion(p, np.sort(np.r_[before, late, p["ts_max_time"]]), 1e-9, "LSODA")
+    return late, np.diff(np.log(psi[:-1, 0]).reshape(-1, 2), axis=1)[:, 0] / (late - before)
+
+
+def test_period_of_stick_slip(scenes):
+    """A slip drops the force by some 20 f0 (b - a), and the plate loads it with k0 v. An error in ln psi of a step, 1e-6, is one
+    of 1e-6 a in a force that moves by 20 (b - a): where the reference repeats, the period is right to 1e-5. psi at the
+    reference's passages tells how much earlier or later the program passes."""
+    compared = 0
+    for index, p in scenes(lambda generator: draw(generator, with_mass=False), salt=131, short=2):
+        p["ts_max_time"] = 160 * p["model_f0"] * (p["friction_b"] - p["friction_a"]) / (p["model_k0"] * p["model_v"])
+        exact, noise = start(p, index)
+        late, rise = passages(exact)
+        if late is None:
+            continue
+        compared += 1
+        times = ",".join(repr(float(t)) for t in late)
+        run(words(p) + noise + ["-out_file", "s.h5", "-out_times", times])
+        early = np.log(data("s.h5")["psi"][:, 0] / p["model_v"]) / rise
+        off = (early[-1] - early[0]) / (late[-1] - late[0])
+        check(abs(off) < 1e-5, f"scene {index}: the period is {off} of it too short, {p}")
+    check(compared > 0, "no scene repeats")
