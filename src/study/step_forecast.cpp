@@ -224,7 +224,8 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   SS_TRY(TSSetMaxTime(ts_, 1e300));
   if (like.method().kind == MethodKind::explicit_) return;
   SS_TRY(TSSetIFunction(ts_, nullptr, IFunction, this));
-  SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
+  SS_TRY(MatCreateSeqAIJ(PETSC_COMM_SELF, size, size, dof_, nullptr, J_.out()));  // why no BAIJ: model.cpp
+  SS_TRY(MatSetBlockSize(J_, dof_));
   SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
   SNES snes;
   KSP ksp;
