@@ -20,7 +20,7 @@ class Resolved final : public Friction {
   Resolved(const F& f, const NodeTerms& terms, SlopeBounds slopes)
       : Friction(F::has_state, F::sticks, F::steep,
                  traits::van_der_pol<decltype(f.law)> && !F::has_state && terms.none(), slopes),
-        f_(f), terms_(terms) {}
+        f_(f), terms_(terms), holds_(what_holds(f)) {}
 
   double force(double psi, double s) const override {
     return with_terms<double>({f_.force(psi, s), 0, 0}, psi, std::abs(psi)).F;
@@ -63,32 +63,23 @@ class Resolved final : public Friction {
     else
       return refuse<RatePartials>();
   }
-  // Not less than the friction that the node begins to slip against, in either direction; and that number to
-  // the last bit but where the law drops at once by more than round-off: what begins to slip with a friction
-  // beyond what held it would stop at once, and begin again, without end.
   WithSlope threshold(double s) const override {
     if constexpr (!F::sticks) {
       return refuse<WithSlope>();
+    } else if constexpr (F::has_state) {
+      const WithSlope m = f_.factor(s);
+      return {m.value * holds_, m.slope * holds_};
     } else {
-      constexpr double drop = 1 + 1e-12;
-      const Partials forward = f_.sliding_partials(0, s, 1), backward = f_.sliding_partials(0, s, -1);
-      WithSlope holds{f_.law.threshold(), 0};
-      if constexpr (F::has_state) {
-        const WithSlope m = f_.factor(s);
-        holds = {m.value * holds.value, m.slope * holds.value};
-      }
-      if (holds.value <= drop * forward.F) holds = {forward.F, forward.F_state};
-      if (holds.value <= -drop * backward.F) holds.value = std::max(holds.value, -backward.F);
-      return holds;
+      return {holds_, 0};
     }
   }
   double threshold_at_long_rest() const override {
     if constexpr (!F::sticks)
       return refuse<double>();
     else if constexpr (F::has_state)
-      return f_.factor_at_long_rest() * f_.law.threshold();
+      return f_.factor_at_long_rest() * holds_;
     else
-      return f_.law.threshold();
+      return holds_;
   }
   double state_at_rest(double s, double t) const override {
     if constexpr (!F::sticks)
@@ -117,8 +108,21 @@ class Resolved final : public Friction {
     terms_.beside(psi, speed, p.F, p.F_psi);
     return p;
   }
+  // Of phi: not less than what the node begins to slip against, in either direction; and that number to the last
+  // bit but where the law drops at once by more than round-off: what begins to slip with a friction beyond what
+  // held it would stop at once, and begin again, without end.
+  static double what_holds(const F& f) {
+    if constexpr (!F::sticks) {
+      return 0;
+    } else {
+      constexpr double drop = 1 + 1e-12;
+      const double slips = std::max(f.law.phi(0., SignFrozen{1}).value, -f.law.phi(0., SignFrozen{-1}).value);
+      return f.law.threshold() > drop * slips ? f.law.threshold() : slips;
+    }
+  }
   F f_;
   NodeTerms terms_;
+  double holds_;
 };
 
 template <class F>

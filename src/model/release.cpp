@@ -77,14 +77,21 @@ void RestingNode::moves(const LoadsFrom& loads, double step, double force_then, 
   twist = beside.c3 / (step * step * step);
 }
 
-LoadBounds::LoadBounds(const Scene& scene, const LoadsFrom& loads, double step) : step_(step) {
-  if (!loads.vary()) return;
-  // a way lies beside the straight one by a quarter of what its slopes differ by at most
-  const double way = loads.way(step), beside = scene.load.varies() ? step / 2 * scene.load.largest() : 0;
-  forth_ = std::max(way, 0.) + beside;
-  back_ = std::max(-way, 0.) + beside;
-  if (scene.normal.varies())
-    falls_ = scene.normal.smallest() / std::max(loads.normal(0).N, loads.normal(step).N);
+LoadBounds::LoadBounds(const Scene& scene, const LoadsFrom& loads, double step)
+    : loaded_(loads.vary()), smooth_(step <= loads.smooth_time()), step_(step) {
+  if (!loaded_) return;
+  // What is smooth lies beside a straight line by an eighth of the step times what its slopes at both ends
+  // differ by, or a little more; anything by no more than its bounds say.
+  const double way = loads.way(step);
+  if (scene.load.varies()) {
+    const double turns = smooth_ ? std::abs(loads.velocity(step) - loads.velocity(0)) : scene.load.largest();
+    forth_ = std::max(way, 0.) + step / 2 * turns;
+    back_ = std::max(-way, 0.) + step / 2 * turns;
+  }
+  if (!scene.normal.varies()) return;
+  const NormalLoad now = loads.normal(0), then = loads.normal(step);
+  const double least = std::min(now.N, then.N) - step / 2 * std::abs(then.rate - now.rate);
+  falls_ = (smooth_ ? least : scene.normal.smallest()) / std::max(now.N, then.N);
 }
 
 // A cubic lies within the values of its Bezier form.

@@ -5,6 +5,7 @@
 
 #include <limits>
 
+#include "numerics/first_rise.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 
@@ -44,14 +45,20 @@ struct RestingNode {
   void moves(const LoadsFrom& loads, double step, double force_then, double rate_then);
 };
 
-// What loads do at most within a step, to pass over nodes far from their thresholds.
+// What loads do at most within a step, to pass over nodes far from their thresholds, and those of which the ends
+// of the step tell enough.
 class LoadBounds {
  public:
   LoadBounds(const Scene& scene, const LoadsFrom& loads, double step);
   // `limit`: the less of the node's thresholds at both ends of the step.
   bool out_of_reach(const RestingNode& node, double limit) const;
+  // The force comes up to the threshold once, or there is no load.
+  bool plain(const ValueAndSlope& begin, const ValueAndSlope& end) const {
+    return !loaded_ || (smooth_ && begin.value < 0 && end.value > 0 && begin.slope > 0 && end.slope > 0);
+  }
 
  private:
+  bool loaded_, smooth_;
   double step_, forth_ = 0, back_ = 0, falls_ = 1;  // of the plate's way; by what factor the normal load
 };
 

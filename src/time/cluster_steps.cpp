@@ -310,7 +310,7 @@ void ClusterSteps::find_candidates(Cluster& c, double dt) {
       if (side < 0 && !both_sides_) continue;
       const ValueAndSlope begin{0, side * force0[k] - limit0, side * rate0[k] - grows0},
           end{dt, side * force1[k] - limit1, side * rate1[k] - grows1};
-      if (!loads.vary()) {
+      if (bounds.plain(begin, end)) {
         candidates_.rests(k, side, begin, end, limit1);
         continue;
       }

@@ -147,7 +147,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
     for_each_side([&](double side) {
       const ValueAndSlope begin{0, side * force0[i] - limit0, side * force_rate0[i] - rate0},
           end{dt, side * force1[i] - limit1, side * force_rate1[i] - rate1};
-      if (!loads.vary()) return candidates_->rests(i, side, begin, end, limit1);
+      if (bounds.plain(begin, end)) return candidates_->rests(i, side, begin, end, limit1);
       RestingNode node = resting(i, side, force0[i], force_rate0[i], at0, loads);
       node.moves(loads, dt, force1[i], force_rate1[i]);
       if (!bounds.out_of_reach(node, std::min(limit0, limit1)))
