@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+import shutil
 import subprocess
 
 import pytest
@@ -173,6 +174,43 @@ def check_own_program(program):
     rows = summary_of(program, f"chart {RING} -init_type sine -ts_max_time 0.5 -chart_methods heun -chart_steps 0.02,0.01 "
                                "-chart_orders 4 -chart_grids 32 -chart_repeats 1")["rows"]
     check([row["method"] for row in rows] == ["heun", "heun"] and 3.5 < rows[0]["error"] / rows[1]["error"] < 4.5, f"{rows}")
+
+
+def test_a_petsc_that_does_not_fit():
+    """One line at configuration says what it is; its settings are read, nothing is compiled."""
+    for part in ("lib/pkgconfig", "include"):
+        os.makedirs(part)
+    with open("CMakeLists.txt", "w", encoding="utf-8") as file:
+        file.write("cmake_minimum_required(VERSION 3.25)\nproject(x NONE)\n"
+                   'macro(enable_language)\n  message(FATAL_ERROR "taken")\nendmacro()\n'
+                   f'include("{SOURCE}/cmake/stickslipLibraries.cmake")\n')
+
+    def refused(petsc, slepc, setting, folder="."):
+        for name, version in (("PETSc", petsc), ("SLEPc", slepc)):
+            with open(f"lib/pkgconfig/{name}.pc", "w", encoding="utf-8") as file:
+                file.write(f"prefix={os.getcwd()}\nName: {name}\nDescription: none\nVersion: {version}\n"
+                           f"Cflags: -I{os.getcwd()}/include\nLibs:\n")
+        with open("include/petscconf.h", "w", encoding="utf-8") as file:
+            file.write(f"#define PETSC_HAVE_X 1\n#define PETSC_{setting} 1\n")
+        shutil.rmtree("built", ignore_errors=True)
+        done = subprocess.run(["cmake", "-G", "Ninja", "-S", ".", "-B", "built"], capture_output=True, text=True, check=False,
+                              env={**os.environ, "PETSC_DIR": os.path.abspath(folder), "PETSC_ARCH": "", "SLEPC_DIR": ""})
+        check(done.returncode != 0, "refused")
+        return " ".join(done.stderr.split())
+
+    for petsc, slepc, setting, said_of_it in (
+            ("3.22.5", "3.22.2", "USE_COMPLEX", "has complex scalars; one configured --with-scalar-type=real is needed"),
+            ("3.25.5", "3.25.1", "USE_REAL_SINGLE", "has another precision; one configured --with-precision=double"),
+            ("3.20.0", "3.20.0", "USE_REAL___FLOAT128", "has another precision"), ("3.20.0", "3.20.0", "HAVE_MPIUNI", "has no MPI"),
+            ("3.17.4", "3.17.2", "USE_REAL_DOUBLE", "is too old: from 3.18 on"),
+            ("3.24.0", "3.23.1", "USE_REAL_DOUBLE", "there is no SLEPc of the release of PETSc 3.24.0")):
+        text = refused(petsc, slepc, setting)
+        check(said_of_it in text and f"PETSc {petsc} in {os.getcwd()}" in text, f"{setting}: {text}")
+    text = refused("3.22.5", "3.22.2", "USE_REAL_DOUBLE", "nowhere")
+    check("there is no PETSc in PETSC_DIR=" in text and "nowhere" in text, text)
+    for setting in ("USE_64BIT_INDICES", "USE_REAL_DOUBLE"):
+        text = refused("3.22.5", "3.22.2", setting)
+        check("taken" in text and "stickslip:" not in text, f"{setting}: {text}")
 
 
 def test_part_of_another_project():
