@@ -1,5 +1,5 @@
-// Loops over steps, and over starts and stops, that do not get on in time are ended, and hear signals; and the
-// next release of a node at rest is found ahead.
+// Loops over steps, and over starts and stops, that do not get on in time are ended, and hear signals; and
+// the next release of a node at rest is found ahead.
 #include <catch2/catch.hpp>
 
 #include <cmath>
@@ -125,8 +125,8 @@ TEST_CASE("the first rise of a sum of sines and lines, however short it stays th
 }
 
 TEST_CASE("the release of a node whose strength is forgotten in a bend", "[serial]") {
-  // slip s = s0 exp(-t/t_h), F = fd + (fs - fd) exp(-s/Dc): the threshold grows fastest in the middle, so that
-  // the force may come up to it, fall behind and come up again
+  // slip s = s0 exp(-t/t_h), F = fd + (fs - fd) exp(-s/Dc): the threshold grows fastest in the middle, so
+  // that the force may come up to it, fall behind and come up again
   FrictionParameters p;
   p.law = Law("slip-weakening");
   p.state = StateLaw("slip-memory");

@@ -108,9 +108,9 @@ class Resolved final : public Friction {
     terms_.beside(psi, speed, p.F, p.F_psi);
     return p;
   }
-  // Of phi: not less than what the node begins to slip against, in either direction; and that number to the last
-  // bit but where the law drops at once by more than round-off: what begins to slip with a friction beyond what
-  // held it would stop at once, and begin again, without end.
+  // Of phi: not less than what the node begins to slip against, in either direction; and that number to the
+  // last bit but where the law drops at once by more than round-off: what begins to slip with a friction
+  // beyond what held it would stop at once, and begin again, without end.
   static double what_holds(const F& f) {
     if constexpr (!F::sticks) {
       return 0;

@@ -11,8 +11,8 @@
 
 namespace stickslip {
 
-// The loads of a scene from the time t0 on, in the pieces between corners that begin at t0 or hold it; none by
-// default.
+// The loads of a scene from the time t0 on, in the pieces between corners that begin at t0 or hold it; none
+// by default.
 class LoadsFrom {
  public:
   LoadsFrom() = default;
@@ -45,8 +45,8 @@ struct RestingNode {
   void moves(const LoadsFrom& loads, double step, double force_then, double rate_then);
 };
 
-// What loads do at most within a step, to pass over nodes far from their thresholds, and those of which the ends
-// of the step tell enough.
+// What loads do at most within a step, to pass over nodes far from their thresholds, and those of which the
+// ends of the step tell enough.
 class LoadBounds {
  public:
   LoadBounds(const Scene& scene, const LoadsFrom& loads, double step);
@@ -62,10 +62,10 @@ class LoadBounds {
   double step_, forth_ = 0, back_ = 0, falls_ = 1;  // of the plate's way; by what factor the normal load
 };
 
-// After which time it comes up to its threshold, growing: the first such, not earlier than 0, of two neighbours
-// the later one, where the force is no less than the threshold. Infinite where it never comes, or not up to
-// `latest`. Local, not collective. Under loads besides, until when the force goes on gaining on the threshold,
-// at what rate it does at first.
+// After which time it comes up to its threshold, growing: the first such, not earlier than 0, of two
+// neighbours the later one, where the force is no less than the threshold. Infinite where it never comes, or
+// not up to `latest`. Local, not collective. Under loads besides, until when the force goes on gaining on
+// the threshold, at what rate it does at first.
 struct Release {
   double wait = std::numeric_limits<double>::infinity(), gains_until = 0, gain = 0;
 };

@@ -134,8 +134,9 @@ struct Furthest {
 };
 
 // The first change within a step. furthest(part), Furthest, is asked last where the change is found.
-// too_coarse: a node that began to slip stops again in the same step, or runs backwards at once; what looks at
-// ends of steps would not see that it slips. `shortest`: the part of the step below which nobody is to see it.
+// too_coarse: a node that began to slip stops again in the same step, or runs backwards at once; what looks
+// at ends of steps would not see that it slips. `shortest`: the part of the step below which nobody is to
+// see it.
 template <class FurthestAt>
 Place locate(double estimate, double reached, double shortest, const FurthestAt& furthest) {
   // the last place looked at; the earliest where a change is known to have come

@@ -403,8 +403,8 @@ void ClusterSteps::snap(Cluster& c) {
   for (const auto& [k, side] : limits) put_at_threshold(c, k, side, N_ > 0 ? forces_[0][std::size_t(k)] : 0);
 }
 
-// Makes the force on the node its threshold, not less by round-off, in the sum that drives it. `besides`: what
-// viscosity adds to eta.
+// Makes the force on the node its threshold, not less by round-off, in the sum that drives it. `besides`:
+// what viscosity adds to eta.
 void ClusterSteps::put_at_threshold(Cluster& c, PetscInt k, double side, double besides) {
   const double limit = limit_at(c, k, c.block(Cluster::next));
   double& eta = c.column(Cluster::next, 1)[k];

@@ -260,7 +260,8 @@ void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits, const Norm
 
 LoadsFrom Stick::loads_from(double t) const { return loaded_ ? LoadsFrom(model_.scene(), t) : LoadsFrom(); }
 
-// A node at rest where the loads begin, to that side: `rate` of its force there, of which the plate's part may vary.
+// A node at rest where the loads begin, to that side: `rate` of its force there, of which the plate's part
+// may vary.
 RestingNode Stick::resting(PetscInt i, double side, double force, double rate, const double* u,
                            const LoadsFrom& loads) const {
   RestingNode node{model_.friction_law(i), model_.amplitude()[i], side, force, dof_ == 3 ? u[2] : 0, rate};
