@@ -135,7 +135,7 @@ def draw(random):
 
 def test_shaken_blocks(scenes):
     total = 0
-    for index, (p, start, tolerance) in scenes(draw, salt=91, short=6):
+    for index, (p, start, tolerance) in scenes(draw, salt=91, short=5):
         calls.run(words(p | start) + ["-ts_rtol", tolerance, "-ts_atol", tolerance, "-out_events", "-out_file", "b.h5"])
         found = calls.data("b.h5")
         try:
@@ -151,4 +151,39 @@ def test_shaken_blocks(scenes):
             assert off < 30 * np.sqrt(tolerance), f"{text}: an event begins {off} beside its time"
         total += len(ended)
     print(total, "slips")
-    assert total > 15
+    assert total > 10
+
+
+def draw_chain(random):
+    """Blocks on springs between them, that a plate which goes there and back just moves."""
+    n, period, eta = int(random.integers(6, 40)), random.uniform(0.5, 2), random.uniform(-0.3, 0.3)
+    p = {"model_form": "chain", "grid_n": n, "bc_left": "free", "model_m": random.uniform(0.5, 2), "model_k0": 10**random.uniform(-3, 0),
+         "model_k1": 10**random.uniform(-2, 0), "model_v": float(random.choice([0, 1e-3, -1e-3])), "scene_reduce": "off",
+         "friction_law": str(random.choice(["coulomb", "carlson-langer"])), "friction_spread": float(random.choice([0, 1e-3, 0.05])),
+         "friction_seed": int(random.integers(1, 1000)), "load_sine_period": period, "init_psi": 0., "init_eta": eta,
+         "ts_max_time": 8 * period}
+    if p["friction_law"] == "coulomb":
+        p["friction_fd"] = float(random.choice([1, 0.99, 0.9]))
+    if random.random() < 0.3:
+        p["model_nu"] = random.uniform(0.01, 0.2)
+    margin = 10**random.uniform(-3, -1)
+    return p | {"load_sine_amplitude": (1 + margin - eta) * np.pi / (period * p["model_k0"])}
+
+
+def test_shaken_chains_with_clusters_and_without(scenes):
+    total = 0
+    for index, p in scenes(draw_chain, salt=92, short=3):
+        found = []
+        for clusters in ("on", "off"):
+            calls.run(words(p) + ["-stick_clusters", clusters, "-ts_rtol", 1e-9, "-ts_atol", 1e-11, "-out_events", "-out_frames", 2,
+                                  "-out_file", "c.h5"])
+            found.append(calls.data("c.h5"))
+        one, other = found
+        text = f"scene {index} {words(p)}"
+        assert len(one["events/begin"]) == len(other["events/begin"]), \
+            f"{text}: {len(one['events/begin'])} events in clusters, {len(other['events/begin'])} by steps of the whole"
+        off = np.abs(one["eta"][-1] - other["eta"][-1]).max()
+        assert off < 1e-5, f"{text}: eta ends {off} beside"
+        total += len(one["events/begin"])
+    print(total, "events")
+    assert total > 20
