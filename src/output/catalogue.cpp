@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/json_values.hpp"
@@ -207,13 +208,40 @@ void Catalogue::plan(ObservationPlan& plan) {
   begin_ = MPI_Wtime();
   plan.layout.events = columns(halts(model_.scene()), ruptures_);
   if (ruptures_) plan.layout.rupture = rupture_columns();
+  const FrictionParameters& friction = model_.scene().friction;
+  stiff_ = !plan.by_clusters && (friction.regularised || model_.friction_law(0).steep);
+  if (stiff_) plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });
+}
+
+// Where friction is stiff the slopes of psi say nothing of what it goes through: the method does, in steps in
+// which something moves.
+void Catalogue::look_into(const ObservedStep& step) {
+  const double fastest = model_.local() > 0 ? fastest_of(step.u) : 0;
+  const double before = std::exchange(fastest_, largest_over(model_.comm(), fastest));
+  const bool asks = step.t > step.t_before && std::max(before, fastest_) > velocity_;
+  if (!asks) return events_->step(step.t, Reading(step.u), model_.dof());
+  if (!middle_) middle_ = model_.create_vector();
+  step.interpolate((step.t_before + step.t) / 2, middle_);
+  const Reading middle(middle_);
+  events_->step(step.t, Reading(step.u), model_.dof(), middle);
+}
+
+double Catalogue::fastest_of(Vec u) const {
+  const Reading a(u);
+  double fastest = 0;
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    fastest = std::max(fastest, std::abs(a[i * model_.dof()]));
+  return fastest;
 }
 
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
   if (!events_) return;
-  events_->step(step.t, Reading(step.u), model_.dof());
+  if (stiff_)
+    look_into(step);
+  else
+    events_->step(step.t, Reading(step.u), model_.dof());
   for (const SlipEvent& event : events_->ended()) enter(event, plate_.at(event.end));
 }
 

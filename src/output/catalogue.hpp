@@ -71,7 +71,8 @@ class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
   Catalogue(const Model& model, double velocity, bool ruptures, const Plate& plate)
-      : model_(model), plate_(plate), ruptures_(ruptures), recurrence_(NodeRange::of(model), model.scene()) {
+      : model_(model), plate_(plate), velocity_(velocity), ruptures_(ruptures),
+        recurrence_(NodeRange::of(model), model.scene()) {
     events_.emplace(model.scene(), velocity, NodeRange::of(model), ruptures);
   }
 
@@ -91,11 +92,16 @@ class Catalogue : public Observer {
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:
+  void look_into(const ObservedStep& step);
+  double fastest_of(Vec u) const;  // of this rank
   void enter(const SlipEvent& event, double plate_time);
 
   const Model& model_;
   const Plate& plate_;
-  bool ruptures_;
+  double velocity_;
+  bool ruptures_, stiff_ = false;
+  VecHandle middle_;     // where friction is stiff: of the step, and the fastest node at its end
+  double fastest_ = HUGE_VAL;
   std::optional<Events> events_;
   long told_ = 0;  // events
   RunFile* file_ = nullptr;

@@ -71,6 +71,7 @@ struct Events::Impl {
   bool with_ruptures, started = false;
   double t = 0;
   Fields last, now;
+  const double* middle_of_step = nullptr;  // where it is given: the unknowns in the middle
   std::vector<int> owner;            // event under way in whose region a node is; -1: none
   std::vector<double> slip;          // of a node in a region: in this event
   std::vector<double> slipped;       // of any node: in all events so far
@@ -114,6 +115,7 @@ struct Events::Impl {
 
   // The state in the middle of a step, on the cubic through values and slopes at its ends.
   double middle_state(std::size_t i, double dt) const {
+    if (middle_of_step) return middle_of_step[3 * i + 2];
     const double p0 = last[0][i], p1 = now[0][i], s0 = last[2][i], s1 = now[2][i];
     const double direction = p0 + p1 < 0 ? -1 : 1;
     const auto rate = [&](double psi, double s) {
@@ -219,7 +221,9 @@ struct Events::Impl {
     last_force[i] = F1;
     const double A = own(i).A, B = own(i).B;
     const double m0 = A * (last[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
-    const double p = d2.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt);
+    const double p = middle_of_step ? middle_of_step[last.size() * i]
+                     : d2.empty()   ? (p0 + p1) / 2 + dt / 8 * (m0 - m1)
+                                    : middle(i, dt);
     const double F = force(i, p, has_state ? middle_state(i, dt) : 0, direction, normal.N[1]);
     const double step = dt / 6 * (p0 + 4 * p + p1);
     live.moves = true;
@@ -263,6 +267,7 @@ struct Events::Impl {
     const double A = own(0).A, B = own(0).B;  // of all
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
     for (std::size_t k = 0; k < size && has_state; ++k) state[k] = middle_state(from + k, dt);
+    for (std::size_t k = 0; k < size && middle_of_step; ++k) p[k] = middle_of_step[last.size() * (from + k)];
     forces_at(from, size, p, state, normal.N[1], F);
     const auto [work, squares, ends] =
         event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
@@ -414,12 +419,14 @@ void Events::step(double t, const Fields& fields) {
   impl_->advance(t);
 }
 
-void Events::step(double t, const double* u, int dof) {
+void Events::step(double t, const double* u, int dof, const double* middle) {
   impl_->now.resize(dof);
   for (std::vector<double>& field : impl_->now) field.resize(impl_->n);
   Fields& now = impl_->now;
   event_loops::separate({u, now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
+  impl_->middle_of_step = middle;
   impl_->advance(t);
+  impl_->middle_of_step = nullptr;
 }
 
 std::vector<SlipEvent> Events::ended() {

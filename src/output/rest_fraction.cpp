@@ -87,7 +87,7 @@ double RestFraction::part_at_rest(PetscInt i, const double* u, double normal, do
   };
   const NodeMoment a = moment(&last_[i * dof], last_normal_, rates_[1 - now_]),
                    b = moment(&u[i * dof], normal, rates_[now_]);
-  const double rate_a = rates_[now_].of(i, a, 0), rate_b = rates_[now_].of(i, b, 0);
+  const double rate_a = rates_[now_].of(i, a, 0, dt), rate_b = rates_[now_].of(i, b, 0, dt);
   return StepCourse(a.psi, b.psi, rate_a, rate_b, dt).part_within(slow_, begin);
 }
 

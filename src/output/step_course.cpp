@@ -20,7 +20,9 @@ double bounded(double slope, double way) { return std::clamp(slope, -3 * std::ab
 }  // namespace
 
 NodeRates::NodeRates(const Model& model) : model_(model) {
-  if (model.viscous() || model.scene().massless()) halo_.emplace(model.scene(), NodeRange::of(model));
+  const bool steep = model.local() > 0 && model.friction_law(0).steep && model.scene().K1() != 0;
+  if (model.viscous() || model.scene().massless() || steep)
+    halo_.emplace(model.scene(), NodeRange::of(model));
 }
 
 void NodeRates::look_beside(const double* u) {
@@ -33,23 +35,24 @@ double NodeRates::beside(PetscInt local_node) const {
   const Scene& s = model_.scene();
   const PetscInt node = model_.first() + local_node;
   double sum = 0;
-  for (const auto& [j, factor] : s.massless() ? coupling_row(s, node) : second_difference_row(s, node))
+  for (const auto& [j, factor] : model_.viscous() ? second_difference_row(s, node) : coupling_row(s, node))
     sum += factor * halo_->at(j, psi_, fetched_);
-  return s.massless() ? sum : s.N() * sum;
+  return model_.viscous() ? s.N() * sum : sum;
 }
 
-double NodeRates::of(PetscInt local_node, const NodeMoment& at, double aside) const {
+double NodeRates::of(PetscInt local_node, const NodeMoment& at, double aside, double dt) const {
   if (model_.held(model_.first() + local_node)) return 0;
   const Scene& s = model_.scene();
-  const double psi = at.psi == 0 && s.friction.sticks() ? std::copysign(std::numeric_limits<double>::min(), aside)
-                                                        : at.psi;
+  const double least = std::copysign(std::numeric_limits<double>::min(), aside);
+  const double psi = at.psi == 0 && s.friction.sticks() ? least : at.psi;
   const NodeCoefficients c = model_.coefficients(local_node);
-  if (!s.massless()) {
-    const double friction = model_.amplitude()[local_node] * model_.friction_law(local_node).force(psi, at.state);
-    return c.A * (at.eta + at.beside - c.B * psi - at.normal * friction);
-  }
-  if (s.forced()) return unknown;
-  const Partials F = model_.friction(local_node, psi, at.state);
+  Partials F = model_.friction_law(local_node).partials(psi, at.state);
+  const double factor = at.normal * model_.amplitude()[local_node];
+  F = {factor * F.F, factor * F.F_psi, factor * F.F_state};
+  if (!s.massless() && (model_.viscous() || !(4. / 27 * dt * c.A * (c.B + F.F_psi) > 1)))
+    return c.A * (at.eta + (model_.viscous() ? at.beside : 0) - c.B * psi - F.F);
+  // the balance, along which psi goes: that of eta and the state, of neighbours too
+  if (s.forced() || (!halo_ && s.n > 1)) return unknown;
   const double of_state = model_.dof() == 3 ? F.F_state * model_.state_rate(local_node, psi, at.state).g : 0;
   return (c.K0 * (s.v - psi) + at.beside - of_state) / (c.B + F.F_psi);
 }
@@ -61,7 +64,8 @@ StepCourse::StepCourse(double psi0, double psi1, double rate0, double rate1, dou
 double StepCourse::rise_to(double level) const {
   const double y1 = (*this)(1), m1 = slope(1), way = y1 - y0;
   const HermiteCubic between(y0, y1, bounded(m0, way), bounded(m1, way));
-  return find_root([&](double s) { return between(s) - level; }, {0, y0 - level, 1, std::max(0., y1 - level)}, 0);
+  return find_root([&](double s) { return between(s) - level; },
+                   {0, y0 - level, 1, std::max(0., y1 - level)}, 0);
 }
 
 double StepCourse::part_below(double level, double begin) const {

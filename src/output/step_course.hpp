@@ -27,14 +27,17 @@ class NodeRates {
   explicit NodeRates(const Model& model);
 
   // What neighbours add to the rate of a node is asked for where they do: N D2 psi where they have viscosity,
-  // in a massless chain K1 D2 psi, as it stands in eta_t. Collective; psi of this rank's nodes, dof apart.
+  // K1 D2 psi, as it stands in eta_t, where psi keeps to a balance. Collective; psi of this rank's nodes, dof
+  // apart.
   bool ask_beside() const { return halo_.has_value(); }
   void look_beside(const double* u);
   double beside(PetscInt local_node) const;
 
   // psi_t where the node leaves rest, or comes to it, in the direction `aside` (psi = 0 says none); 0 of a
-  // held node. Not a number where it is not known: in a massless chain under a load.
-  double of(PetscInt local_node, const NodeMoment& at, double aside) const;
+  // held node. Where a step of dt passes over what is stiff (time/shorter_step.hpp), and without mass, psi
+  // keeps to the balance of its forces: then it is (eta_t - F_s g)/(B + F_psi). Not a number where that is
+  // not known: under a load, and beside neighbours of whom nothing is known.
+  double of(PetscInt local_node, const NodeMoment& at, double aside, double dt) const;
 
  private:
   const Model& model_;

@@ -40,7 +40,7 @@ Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady
 StepCourse Traces::course(const Place& place, const Sample& from, const Sample& to, double dt) const {
   const double aside = from.psi + to.psi;
   const auto rate = [&](const Sample& at) {
-    return forward_ * (std::isnan(at.rate) ? rates_.of(place.node, at, aside) : at.rate);
+    return forward_ * (std::isnan(at.rate) ? rates_.of(place.node, at, aside, dt) : at.rate);
   };
   return {forward_ * from.psi, forward_ * to.psi, rate(from), rate(to), dt};
 }

@@ -123,3 +123,18 @@ def test_frames_of_light_blocks(method):
     file = data("light.h5")
     psi, seen = file["psi"], file["series/psi_max"].max()
     check(psi.min() > 0 and psi.max() <= seen * 1.01, f"{s['method']}: {psi.min()} {psi.max()}, steps up to {seen}")
+
+
+@pytest.mark.parametrize("method", ("", "-imex_implicit both", "-ts_type rosw"))
+def test_slips_of_light_blocks(method):
+    """What the spring gives in a slip is what the plate and the block have moved it: f0 drop = k0 (slip - v time). By a cubic through
+    slopes, f0/m = 1e14 times what eta is off, slips were 80 m and 200 m long and no work a number. Simpson's rule over steps that
+    grow tenfold at most errs by less than 1e-3."""
+    run("-model_form chain -grid_n 1 -bc_left free -model_m 1e-7 -model_k0 9.999e8 -model_f0 1e7 -model_zeta 5e6 -model_v 1e-6 "
+        "-friction_law dieterich -friction_a 0.005 -friction_b 0.01 -friction_D 2e-5 -friction_mu0 0.6 -friction_psi0 1e-6 "
+        "-init_psi 1.01e-6 -init_eta steady -init_state 20 -ts_max_time 2000 -out_events -out_events_velocity 1e-5 "
+        f"-out_file slips.h5 -out_frames 2 {method}")
+    events = {name: data("slips.h5")[f"events/{name}"][-1] for name in ("begin", "t", "slip", "stress_drop", "friction_work", "radiated")}
+    by_spring = 1e7 * events["stress_drop"] / 9.999e8 + 1e-6 * (events["t"] - events["begin"])
+    check(abs(events["slip"] / by_spring - 1) < 1e-3, f"{events} {by_spring}")
+    check(0 < events["radiated"] < events["friction_work"] < 0.7 * events["slip"], f"{events}")

@@ -77,7 +77,9 @@ class Events {
   // The fields psi, eta (and the stored state) of this rank's nodes at t; the first call is the start.
   // Collective.
   void step(double t, const std::vector<std::vector<double>>& fields);
-  void step(double t, const double* u, int dof);  // node by node, dof of a node
+  // Node by node, dof of a node. `middle`: the same in the middle of the step, of friction that is stiff
+  // (else what nodes go through is the cubic through their values and slopes).
+  void step(double t, const double* u, int dof, const double* middle = nullptr);
   // What has ended since the last call, in order of the ends; the same on every rank.
   std::vector<SlipEvent> ended();
   long count() const;  // ended so far
