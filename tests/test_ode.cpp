@@ -87,12 +87,12 @@ TEST_CASE("a step in which one unknown of several is no number is not within the
     const auto f = [&](const double* y, double* rates) {
       for (int k = 0; k < 3; ++k) rates[k] = k == bad ? std::sqrt(.01 - y[k]) : -y[k];  // leaves its domain
     };
-    const double y[3] = {0, 0, 0};
+    const double y[3] = {0, 0, 0}, scales[3] = {1, 1, 1};
     double f0[3], into[3];
     f(y, f0);
     Extrapolation method(3);
-    CHECK(method.step(f, y, f0, 1e-3, 3, 1e-10, into) <= 1);
-    const double error = method.step(f, y, f0, 1, 3, 1e-10, into);
+    CHECK(method.step(f, y, f0, 1e-3, 3, 1e-10, scales, into) <= 1);
+    const double error = method.step(f, y, f0, 1, 3, 1e-10, scales, into);
     CHECK(!(error <= 1));
     CHECK(Extrapolation::next(1, error) == Approx(1. / 8));
   }

@@ -18,6 +18,7 @@
 #include "model/turned_row.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
 namespace stickslip {
@@ -41,6 +42,8 @@ class CellField : public VectorField {
     jacobian_under(loads_at(phase).N, y, J);
   }
   void safeguard_step(double phase, const double* y, double h, double* dy) const override;
+
+  double unit(int component) const override { return scales_.of(component % dof_); }
 
   int dof() const { return dof_; }
   int periods() const { return periods_; }
@@ -76,6 +79,7 @@ class CellField : public VectorField {
   kernel::Coefficients coefficients(std::size_t k, double v) const;
   void couple(PetscInt node);
 
+  SlipScales scales_;
   Scene scene_;
   Frictions friction_;  // of every node of the scene
   kernel::Coefficients coefficients_;

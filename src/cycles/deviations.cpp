@@ -57,8 +57,11 @@ void Deviations::carry_on(const std::vector<double>& mesh) {
   pieces_ = pieces(0);
   std::vector<double> matrices;
   for (const StepJacobian& piece : pieces_) {
+    std::vector<double> J(piece.J);  // in units of the unknowns, whose multipliers are the same
+    const size_t d = size_t(field_.dim());
+    for (size_t k = 0; k < J.size(); ++k) J[k] *= field_.unit(int(k % d)) / field_.unit(int(k / d % d));
     const std::vector<double> matrix =
-        carried(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data());
+        carried(piece.method(), field_.dim(), field_.band(), piece.h, J.data());
     matrices.insert(matrices.end(), matrix.begin(), matrix.end());
   }
   multipliers_ = multipliers_of(field_.dim(), pencil_of(field_.dim(), matrices));

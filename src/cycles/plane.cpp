@@ -21,11 +21,14 @@ Condition plane_through(const VectorField& field, const std::vector<double>& y,
   normal.resize(y.size());
   field.rates(y.data(), normal.data());
   std::vector<double> radius = y;
-  for (std::size_t a = 0; a < y.size(); ++a) radius[a] -= middle[a];
+  for (std::size_t a = 0; a < y.size(); ++a) {  // both in units of the components
+    radius[a] = (radius[a] - middle[a]) / field.unit(int(a));
+    normal[a] /= field.unit(int(a));
+  }
   const double part = dot(radius, radius) > 0 ? dot(normal, radius) / dot(radius, radius) : 0;
   for (std::size_t a = 0; a < y.size(); ++a) normal[a] -= part * radius[a];
   const double length = std::sqrt(dot(normal, normal));
-  for (double& n : normal) n /= length;
+  for (std::size_t a = 0; a < y.size(); ++a) normal[a] /= length * field.unit(int(a));
   plane.right = dot(normal, y);
   return plane;
 }

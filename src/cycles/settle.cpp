@@ -102,7 +102,13 @@ class Motion {
       SS_TRY(TSSetType(ts_, TSRK));
       SS_TRY(TSRKSetType(ts_, TSRK5DP));
     }
-    SS_TRY(TSSetTolerances(ts_, tolerance_of_run, nullptr, tolerance_of_run, nullptr));
+    VecHandle absolute;
+    SS_TRY(VecDuplicate(u_, absolute.out()));
+    {
+      const Writing of(absolute);
+      for (size_t k = 0; k < y_.size(); ++k) of[PetscInt(k)] = tolerance_of_run * field.unit(int(k));
+    }
+    SS_TRY(TSSetTolerances(ts_, tolerance_of_run, absolute, tolerance_of_run, nullptr));
     SS_TRY(TSSetMaxSNESFailures(ts_, -1));
     SS_TRY(TSSetMaxSteps(ts_, PETSC_MAX_INT));
     SS_TRY(TSSetMaxTime(ts_, 1e300));
@@ -110,8 +116,9 @@ class Motion {
     std::vector<double> f(y_.size());
     field.rates_at(0, y_.data(), f.data());
     double rate = 0;
-    for (size_t k = 0; k < f.size(); ++k) rate = std::max(rate, std::abs(f[k]) / (1 + std::abs(y_[k])));
-    SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3)));
+    for (size_t k = 0; k < f.size(); ++k)
+      rate = std::max(rate, std::abs(f[k]) / (field.unit(int(k)) + std::abs(y_[k])));
+    SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3 * own_frequency(field.scene()))));
     SS_TRY(TSSetSolution(ts_, u_));
   }
   Sample now() {
@@ -187,7 +194,7 @@ class Settling {
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
   bool attempt(size_t back, SmoothCycle& found);
-  SmoothCycle shortest(const SmoothCycle& found) const;
+  SmoothCycle shortest(const SmoothCycle& found, int turns) const;
   void check_steps(size_t steps) const;
   void keep(Sample next);
   bool oscillates() const;
@@ -232,7 +239,7 @@ void Settling::choose_section() {
   for (size_t k = 0; k < d; k += dof)
     if (high[k] - low[k] > high[section_] - low[section_]) section_ = k;
   if (!slips) level_ = std::min(high[section_], std::max(low[section_], sum[section_] / (last.t - from)));
-  for (size_t k = 0; k < d; ++k) range_.push_back(std::max(high[k] - low[k], 1e-9));
+  for (size_t k = 0; k < d; ++k) range_.push_back(std::max(high[k] - low[k], 1e-9 * field_.unit(int(k))));
   samples_ = {last};
 }
 
@@ -275,20 +282,20 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
     guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
   guess.mesh.push_back(1);
   try {
-    found = shortest(solve_cycle(cell_, guess, tolerance_));
+    found = shortest(solve_cycle(cell_, guess, tolerance_), int(back));
   } catch (const Failure&) {
     return false;
   }
   // near the motion that it was sought from, and no rest
-  return forced() || (found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) &&
+  return forced() || (found.cycle.amplitude > 1e-6 * field_.unit(0) &&
                       std::abs(found.cycle.period / period - 1) < .1);
 }
 
-// A cycle under a load that has repeated within its periods, as it seems to beside a doubling, is the shorter
-// one.
-SmoothCycle Settling::shortest(const SmoothCycle& found) const {
+// A cycle that has repeated within its turns, or under a load within its periods, as it seems to beside a
+// doubling, is the shorter one.
+SmoothCycle Settling::shortest(const SmoothCycle& found, int turns) const {
   constexpr double same = 1e-6;
-  const int d = field_.dim(), periods = found.cycle.forcing_periods;
+  const int d = field_.dim(), periods = forced() ? found.cycle.forcing_periods : turns;
   const auto at = [&](double phase) {
     std::vector<double> y(static_cast<size_t>(d));
     evaluate(Collocation::gauss5(), found.mesh, found.values.data(), d, phase, y.data());
@@ -307,7 +314,7 @@ SmoothCycle Settling::shortest(const SmoothCycle& found) const {
         share * found.cycle.period,
         [&](double phase, double* natural) { unfold(field_, at(share * phase).data(), natural); },
         {},
-        part};
+        forced() ? part : 0};
     const int intervals = std::max(12, int(found.mesh.size()) / periods);
     for (int i = 0; i <= intervals; ++i) guess.mesh.push_back(double(i) / intervals);
     return solve_cycle(cell_, guess, tolerance_);
@@ -339,7 +346,7 @@ bool Settling::oscillates() const {
     low = std::min(low, s.y[section_]);
     high = std::max(high, s.y[section_]);
   }
-  return high - low >= 1e-7 * (1 + std::abs(cell_.v));
+  return high - low >= 1e-7 * field_.unit(0);
 }
 
 // What became of a motion that oscillates no more.

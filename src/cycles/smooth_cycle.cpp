@@ -75,7 +75,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   };
   Solution s{PeriodicEquations(guess.mesh, field), {}};
   s.x = s.equations.fill(profile, guess.periods > 0 ? start[0] : std::log(guess.period));
-  const double unit = 1 + std::abs(cell.v);  // of psi
+  const double unit = field->unit(0);  // of psi
   const auto change = [&](const Solution& coarse, const Solution& fine) {
     return field->periods() > 0 ? std::abs(coarse.q() - fine.q()) / unit
                                 : std::abs(std::expm1(coarse.q() - fine.q()));

@@ -92,7 +92,7 @@ SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double rang
       periods_(first.field->periods()) {
   family_ = family_of(scene_at_, periods_);
   for (const double of : ranges(first.values.data(), points_on(first.mesh), first.field->dim()))
-    scale_.push_back(std::max(of, 1e-12));
+    scale_.push_back(std::max(of, 1e-12 * first.field->unit(int(scale_.size()))));
   there_.d = d_;
   there_.mesh = first.mesh;
   there_.x = first.values;
@@ -130,7 +130,7 @@ void SmoothPath::go(double length, const Place& row, double right) {
     return at.equations.newton(at.x, conditions, most_steps).converged;
   };
   const double change = solve_on_suiting_mesh(solve, d_ <= 12 ? few_unknowns : many_unknowns, s);
-  const double unit = 1 + std::abs(scene_at_(s.x.back()).v);
+  const double unit = s.equations.field().unit(0);
   const double moved = periods_ > 0 ? change / unit : std::expm1(change);
   const double period_error = std::isnan(change) ? here_.period_error : std::abs(moved) + 4e-15;
   stand_at(std::move(s.x), s.mesh(), period_error, conditions[0]);

@@ -110,8 +110,8 @@ void set_error(const StickMotion& m, const StickCycle& from, const StickReturnMa
   c.phase_mode = c.multipliers.size();
   c.error_estimate = 1e-15;
   for (const std::size_t k : moving_unknowns(m))
-    c.error_estimate =
-        std::max(c.error_estimate, std::abs(rough.at.u[k] - from.start[k]) / (1 + std::abs(from.start[k])));
+    c.error_estimate = std::max(c.error_estimate, std::abs(rough.at.u[k] - from.start[k]) /
+                                                      (m.scale(k) + std::abs(from.start[k])));
 }
 
 }  // namespace
@@ -134,7 +134,7 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   std::copy(c.states.begin(), c.states.begin() + long(motion.size()), c.states.end() - long(motion.size()));
   leave_out_held(motion, c);
   for (std::size_t k = 0; k < c.states.size(); k += std::size_t(c.dof))  // a stop is located to round-off
-    if (std::abs(c.states[k]) < 1e-13 * (1 + std::abs(scene.v))) c.states[k] = 0;
+    if (std::abs(c.states[k]) < 1e-13 * motion.psi_scale()) c.states[k] = 0;
   c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
   set_error(motion, from, return_map_of(rough, from, {}), c);
   for (std::size_t k = 0; k < c.times.size(); ++k)  // without the harmonic force

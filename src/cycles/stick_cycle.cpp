@@ -114,7 +114,7 @@ class OrbitSearch {
     std::vector<double> f(m_.size());
     m_.rates(p.direction, p.u.data(), f.data());
     for (std::size_t i = 0; i < f.size(); i += std::size_t(m_.dof())) most = std::max(most, std::abs(f[i]));
-    return most * turn_ > 1e-4 * (1 + std::abs(m_.scene().v));
+    return most * turn_ > 1e-4 * m_.psi_scale();
   }
 
   // Whether this release looks like one before; fills releases_.

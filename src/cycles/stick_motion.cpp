@@ -53,7 +53,10 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(row_over_mean(scene, i));
+  const SlipScales scales = slip_scales(scene);
+  for (std::size_t k = 0; k < size(); ++k) scales_.push_back(scales.of(int(k) % dof_));
   longest_ = longest_step / fastest(scene);
+  if (forced()) scales_.back() = longest_;  // of the load's time
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
   if (forced()) longest_ = std::min(longest_, longest_step * scene.smooth_time() / M_PI);
 }
@@ -61,7 +64,8 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
 // Two solutions of s_t = g(s) that start close together: their distance goes like g.
 double StickMotion::state_contraction(int node, double s0, double s1, double wait) const {
   const RatePartials g0 = law_[node].sliding_rate(0, s0, 0);
-  return std::abs(g0.g) > 1e-8 ? law_[node].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
+  const bool moves = std::abs(g0.g) > 1e-8 * (std::abs(s0) + state_scale()) / longest_;
+  return moves ? law_[node].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
 }
 
 bool StickMotion::all_rest(const StickState& p) const {
@@ -123,12 +127,12 @@ double StickMotion::growth(const PossibleChange& c, const double* u, const doubl
 double StickMotion::step_from(const StickState& p, const double* f0, double h, std::size_t count,
                               double* into) const {
   const auto f = [&](const double* y, double* g) { derivative(p, y, count, g); };
-  if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, into);
+  if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, scales_.data(), into);
   std::vector<double> y(p.u), g0((count + 1) * size());
   y.insert(y.end(), p.deviations.begin(), p.deviations.end());
   f(y.data(), g0.data());
   method_with_deviations_ = Extrapolation(y.size());
-  return method_with_deviations_.step(f, y.data(), g0.data(), h, size(), tolerance_, into);
+  return method_with_deviations_.step(f, y.data(), g0.data(), h, size(), tolerance_, scales_.data(), into);
 }
 
 // Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies
@@ -215,8 +219,8 @@ void StickMotion::snap(StickState& p, const std::vector<PossibleChange>& candida
   std::vector<PossibleChange> reached, stopped;
   for (const PossibleChange& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[c.node * dof_];
-    if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
-    const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15;
+    if (c.turns && speed * h < 1e-9 * (psi_scale() + std::abs(psi))) stopped.push_back(c);
+    const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15 * psi_scale();
     if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, lost)) continue;
     const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
     if (back)

@@ -30,6 +30,7 @@
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/extrapolation.hpp"
 
@@ -84,6 +85,10 @@ class StickMotion {
   int nodes() const { return nodes_; }
   int dof() const { return dof_; }
   bool forced() const { return scene_.forced(); }
+  // What psi, a state and any unknown are measured by.
+  double psi_scale() const { return scales_[0]; }
+  double state_scale() const { return dof_ == 3 ? scales_[2] : 1; }
+  double scale(std::size_t unknown) const { return scales_[unknown]; }
   std::size_t size() const { return std::size_t(nodes_ * dof_ + (forced() ? 1 : 0)); }
   bool held(int node) const;
   double longest() const { return longest_; }               // step
@@ -157,6 +162,7 @@ class StickMotion {
   int nodes_, dof_, half_width_;
   bool stops_at_turns_ = false, stops_slips_back_ = false;
   double tolerance_, longest_;
+  std::vector<double> scales_;  // of every unknown
   Frictions law_;
   std::vector<double> amplitude_;
   kernel::Coefficients coefficients_;

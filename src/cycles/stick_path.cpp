@@ -24,7 +24,9 @@ class StickPath : public CyclePath {
     const StickMotion m(scene_at_(from));
     there_.cycle = first;
     there_.x = free_values(m, first);
-    for (const double value : there_.x) scale_.push_back(1 + std::abs(value));
+    const std::vector<size_t> free = free_unknowns(m, first);
+    for (size_t k = 0; k < free.size(); ++k)
+      scale_.push_back(m.scale(free[k]) + std::abs(there_.x[k]));
     there_.x.push_back(from);
     there_.t.assign(there_.x.size(), 0.);
     here_ = there_;

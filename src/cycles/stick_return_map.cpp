@@ -13,11 +13,11 @@ namespace stickslip {
 
 namespace {
 
-constexpr double deep = 0.1;             // of 1 + |v|: a slip that would go beyond is far from grazing
+constexpr double deep = 0.1;             // of psi_scale(): a slip that would go beyond is far from grazing
 constexpr int most_changes = 2000;       // in one period
 constexpr long most_steps = 50000;       // in one period
 constexpr double settled = 1e-12;        // change of Newton's method
-constexpr double passes_section = 1e-7;  // psi of a node that is to rest there, over 1 + |v|
+constexpr double passes_section = 1e-7;  // psi of a node that is to rest there, over psi_scale()
 
 std::string name_of(const Change& c) {
   return std::to_string(c.node) +
@@ -25,20 +25,6 @@ std::string name_of(const Change& c) {
           : c.after > 0 ? "+"
                         : "-") +
          (c.before != 0 && c.after != 0 ? "!" : "");
-}
-
-// Unknowns that tell points of the section apart: all but those of held nodes, and psi and eta of the one
-// released, or under a load psi of those that rest.
-std::vector<std::size_t> free_unknowns(const StickMotion& m, const StickCycle& c) {
-  const auto bound = [&](int i, int k) {
-    if (k < 2 && m.held(i)) return true;
-    return m.forced() ? k == 0 && c.load.rests[i] : k < 2 && i == c.node;
-  };
-  std::vector<std::size_t> free;
-  for (int i = 0; i < m.nodes(); ++i)
-    for (int k = 0; k < m.dof(); ++k)
-      if (!bound(i, k)) free.push_back(std::size_t(i * m.dof() + k));
-  return free;
 }
 
 std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
@@ -71,6 +57,18 @@ void pass_release(const StickMotion& m, const StickState& p, const std::vector<d
 
 }  // namespace
 
+std::vector<std::size_t> free_unknowns(const StickMotion& m, const StickCycle& c) {
+  const auto bound = [&](int i, int k) {
+    if (k < 2 && m.held(i)) return true;
+    return m.forced() ? k == 0 && c.load.rests[i] : k < 2 && i == c.node;
+  };
+  std::vector<std::size_t> free;
+  for (int i = 0; i < m.nodes(); ++i)
+    for (int k = 0; k < m.dof(); ++k)
+      if (!bound(i, k)) free.push_back(std::size_t(i * m.dof() + k));
+  return free;
+}
+
 StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
                              const StickReturnMapOptions& wishes) {
   StickReturnMap result;
@@ -82,7 +80,7 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
     throw Failure("exact stick: a node at its threshold does not start");
   p.deviations = wishes.deviations;
   p.count = p.deviations.size() / m.size();
-  const double deepest = -deep * (1 + std::abs(m.scene().v));
+  const double deepest = -deep * m.psi_scale();
   result.depth = deepest;
   result.clearance = StickMotion::never;
   const auto turned = [&](double, int node, const double* u) {
@@ -204,7 +202,7 @@ std::vector<double> free_values(const StickMotion& m, const StickCycle& c) {
 // slip of 1e-29 whose stop would be one more change of the sequence.
 void set_free_values(const StickMotion& m, const std::vector<double>& values, StickCycle& c) {
   const std::vector<std::size_t> free = free_unknowns(m, c);
-  const double still = settled * (1 + std::abs(m.scene().v));
+  const double still = settled * m.psi_scale();
   for (std::size_t i = 0; i < free.size(); ++i) {
     const bool rests = !m.forced() && free[i] % std::size_t(m.dof()) == 0 && std::abs(values[i]) < still;
     c.start[free[i]] = rests ? 0 : values[i];
@@ -224,13 +222,14 @@ void close_cycle(const StickMotion& m, StickCycle& c) {
   c.residual = 0;
   for (const std::size_t k : m.forced() ? moving_unknowns(m) : free_unknowns(m, c))
     c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
-  if (m.forced() && c.residual > passes_section * (1 + std::abs(m.scene().v)))
+  if (m.forced() && c.residual > passes_section * m.psi_scale())
     throw Failure("exact stick: a start or a stop passes the phase of the load at which the map is taken");
 }
 
 StickCycle polished(const StickMotion& m, const StickCycle& guess) {
   StickCycle c(guess);
   std::vector<double> x = free_values(m, c);
+  const std::vector<std::size_t> free = free_unknowns(m, c);
   const int n = int(x.size());
   double last = StickMotion::never;
   for (int iteration = 0; n > 0; ++iteration) {
@@ -246,7 +245,7 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
     double largest = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       x[i] += change[i];
-      largest = std::max(largest, std::abs(change[i]) / (1 + std::abs(x[i])));
+      largest = std::max(largest, std::abs(change[i]) / (m.scale(free[i]) + std::abs(x[i])));
     }
     if (!std::isfinite(largest) || iteration > 30)
       throw Failure("exact stick: Newton's method on the return map fails");
@@ -273,7 +272,8 @@ std::vector<double> monodromy_matrix(const StickMotion& m, const StickCycle& cyc
   const std::vector<double> all = return_map_of(m, cycle, wishes).at.deviations;
   std::vector<double> map;
   for (std::size_t k = 0; k < moving.size(); ++k)
-    for (const std::size_t j : moving) map.push_back(all[k * m.size() + j]);
+    for (const std::size_t j : moving)  // in units of the unknowns
+      map.push_back(all[k * m.size() + j] * (m.scale(moving[k]) / m.scale(j)));
   return map;
 }
 
@@ -292,8 +292,9 @@ bool attracts(const StickMotion& m, const StickCycle& cycle) {
 
 double distance(const StickMotion& m, const std::vector<double>& one, const std::vector<double>& other) {
   double apart = 0;
-  for (const std::size_t k : moving_unknowns(m)) apart = std::max(apart, std::abs(one[k] - other[k]));
-  return apart / (1 + std::abs(m.scene().v));
+  for (const std::size_t k : moving_unknowns(m))
+    apart = std::max(apart, std::abs(one[k] - other[k]) / m.scale(k));
+  return apart;
 }
 
 StickCycle shortest(const StickMotion& m, const StickCycle& found) {

@@ -38,6 +38,7 @@ StickReturnMap return_map_of(const StickMotion& motion, const StickCycle& from,
 
 // The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
 // eta of the node that is released (under a load, all but psi of those that rest there).
+std::vector<std::size_t> free_unknowns(const StickMotion& motion, const StickCycle& cycle);
 std::vector<double> free_values(const StickMotion& motion, const StickCycle& cycle);
 void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
 

@@ -111,7 +111,7 @@ class OrbitIntegrator {
       double norm = 0;
       for (int i = 0; i < n; ++i) {
         stage[i] += b[i];
-        norm = std::max(norm, std::abs(b[i]) / (1 + std::abs(stage[i])));
+        norm = std::max(norm, std::abs(b[i]) / (o_.scale(i % d) + std::abs(stage[i])));
       }
       if (!std::isfinite(norm)) return false;
       if (norm < 1e-14 || (norm < 1e-10 && iteration > 0 && norm > previous / 4)) return true;
@@ -132,7 +132,7 @@ class OrbitIntegrator {
     for (int k = 0; k < d_ * d_; ++k) J[k] = (k % (d_ + 1) == 0 ? 1. : 0.) - filter * step.h * J[k];
     if (!solve_dense(d_, J, 1, e)) return std::nan("");
     for (int k = 0; k < d_; ++k)
-      error = std::max(error, std::abs(e[k]) / (tolerance_ * (1 + std::abs(u[k]))));
+      error = std::max(error, std::abs(e[k]) / (tolerance_ * (o_.scale(k) + std::abs(u[k]))));
     return error;
   }
 
@@ -160,8 +160,8 @@ class ReturnMap {
     beat("turns");
     double t = 0, g[train_max_dim], scale = 0;
     o_.rhs(r2_, y, g, nullptr);
-    for (int k = 0; k < d; ++k) scale = std::max(scale, std::abs(g[k]) / (1 + std::abs(y[k])));
-    double h = .01 / std::max(scale, 1e-6);
+    for (int k = 0; k < d; ++k) scale = std::max(scale, std::abs(g[k]) / (o_.scale(k) + std::abs(y[k])));
+    double h = .01 / std::max(scale, 1e-6 * std::sqrt(o_.K0() * o_.A()));
     bool below = false;
     if (divergence) *divergence = 0;
     constexpr long many_steps = 2000;  // a turn takes some hundred

@@ -70,7 +70,7 @@ template <class Equations>
 struct MeshAccuracy {
   double tolerance, least;      // relative; intervals to begin with
   std::vector<int> velocities;  // components whose zeros may be kinks
-  std::vector<double> units;    // of the components; empty: their ranges, or 1e-3
+  std::vector<double> units;    // of the components; empty: their ranges, or 1e-3 of their units
   // Relative change of the number sought from one solution to a finer one.
   std::function<double(const MeshSolution<Equations>& coarse, const MeshSolution<Equations>& fine)> change;
   std::string what;  // is solved for, in messages
@@ -90,7 +90,7 @@ double change_of_profile(const MeshSolution<Equations>& coarse, const MeshSoluti
   const std::size_t count = points_on(fine.mesh()) * d;
   if (units.empty())
     for (const double range : ranges(fine.x.data(), points_on(fine.mesh()), d))
-      units.push_back(std::max(range, 1e-3));
+      units.push_back(std::max(range, 1e-3 * fine.equations.field().unit(int(units.size()))));
   double change = 0;
   for (std::size_t i = 0; i < count; ++i)
     change = std::max(change, std::abs(from[i] - fine.x[i]) / units[i % d]);

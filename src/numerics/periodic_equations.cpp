@@ -19,6 +19,12 @@ using std::size_t;
 constexpr size_t stages = mesh_stages;
 const Collocation& gauss() { return Collocation::gauss5(); }
 
+Eigen::VectorXd units_of(const VectorField& field) {
+  Eigen::VectorXd units(field.dim());
+  for (int a = 0; a < field.dim(); ++a) units(a) = field.unit(a);
+  return units;
+}
+
 }  // namespace
 
 void solve_stages(const Collocation& method, int d, int band, double h, const double* J, int columns,
@@ -124,6 +130,7 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
     high_T = upper->period(q(x)).T / period.T;
   }
   Linear out{{d, p}};
+  const Eigen::VectorXd own = units_of(*field);
   const auto a = as_matrix(gauss().a.data(), s, s);
   const auto unit = Matrix<double>::Identity(d, d);
   Matrix<double> f(s, d), low(s, d), high(s, d), slope(s, d), rate, by_number, off, sizes,
@@ -164,7 +171,13 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
     for (int j = 0; j < s; ++j) right += gauss().end[j + 1] * Y.row(j);
     out.residual = std::max(out.residual, right.cwiseAbs().maxCoeff());
     if (zero_right) right.setZero();
-    out.condensed.add(h, field->band(), J.data(), R, right.transpose());
+    // in units of the components, so that what is eliminated next to each other is alike in size
+    for (int j = 0; j < s; ++j) {
+      auto block = as_matrix(&J[size_t(j) * d * d], d, d);
+      block = own.cwiseInverse().asDiagonal() * block * own.asDiagonal();
+      R.middleRows(j * d, d).rightCols(p + 1).array().colwise() /= own.array();
+    }
+    out.condensed.add(h, field->band(), J.data(), R, right.transpose().cwiseQuotient(own));
   }
   if (!std::isfinite(out.residual)) throw Failure("the periodic equations are not finite");
   return out;
@@ -172,14 +185,17 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
 
 std::vector<double> PeriodicEquations::closed(const Linear& system, const std::vector<Condition>& conditions,
                                               const std::vector<double>& rights) const {
+  const Eigen::VectorXd own = units_of(*field_);
   Matrix<double> rows(parameters(), d_ + parameters());
   for (int k = 0; k < parameters(); ++k) {
-    rows.row(k).head(d_) = as_matrix(conditions[k].y0.data(), 1, d_);
+    rows.row(k).head(d_) = as_matrix(conditions[k].y0.data(), 1, d_).cwiseProduct(own.transpose());
     rows(k, d_) = conditions[k].q;
     if (family_) rows(k, d_ + 1) = conditions[k].lambda;
   }
   if (family_) rows(0, d_ + 1) -= (upper_->anchor() - lower_->anchor()) / width_;
-  return system.condensed.solve(rows, rights);
+  std::vector<double> x = system.condensed.solve(rows, rights);
+  for (size_t k = 0; k < n_ * block(); ++k) x[k] *= own(Eigen::Index(k % size_t(d_)));
+  return x;
 }
 
 PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x,
@@ -203,6 +219,13 @@ std::vector<double> PeriodicEquations::tangent(const std::vector<double>& x,
   std::vector<double> rights(rows.size());
   rights.back() = 1;
   return closed(linear(x, true), rows, rights);
+}
+
+std::vector<double> PeriodicEquations::in_units(std::vector<double> dx) const {
+  const size_t values = n_ * block();
+  for (size_t k = 0; k < values; ++k) dx[k] /= field_->unit(int(k % size_t(d_)));
+  if (family_) dx[values + 1] /= scale_;
+  return dx;
 }
 
 bool PeriodicEquations::Newton::took(const std::vector<double>& dx, std::size_t numbers) {
@@ -237,7 +260,7 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
       }
     for (size_t k = 0; k < x.size(); ++k) x[k] += s.dx[k];
     result.residual = s.residual;
-    const bool converged = result.took(s.dx, parameters());
+    const bool converged = result.took(in_units(std::move(s.dx)), parameters());
     result.converged = converged && std::abs(q(x)) < 600;
     if (converged || !(result.last_step < 1e6) || !(std::abs(q(x)) < 600)) return result;
   }

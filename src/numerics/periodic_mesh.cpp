@@ -37,13 +37,15 @@ std::vector<double> roughness(const std::vector<double>& mesh, const double* x, 
       }
       top[i * d + a] = sum / std::pow(mesh[i + 1] - mesh[i], mesh_stages);
     }
-  std::vector<double> jump(n), result(n);
+  std::vector<double> range(d), jump(n), result(n);
+  for (int a = 0; a < d; ++a)  // of one that stands still round-off is no range
+    range[a] = std::max({high[a] - low[a], 1e-12 * std::max(std::abs(high[a]), std::abs(low[a])), 1e-300});
   for (size_t i = 0; i < n; ++i) {
     const size_t next = i + 1 < n ? i + 1 : 0;
     const double h = (mesh[i + 1] - mesh[i] + mesh[next + 1] - mesh[next]) / 2;
     for (int a = 0; a < d; ++a)
       jump[i] = std::max(
-          jump[i], std::abs(top[next * d + a] - top[i * d + a]) / h / std::max(high[a] - low[a], 1e-12));
+          jump[i], std::abs(top[next * d + a] - top[i * d + a]) / h / range[a]);
   }
   for (size_t i = 0; i < n; ++i) result[i] = std::max(jump[i], jump[i > 0 ? i - 1 : n - 1]);
   return result;

@@ -40,7 +40,8 @@ PetscErrorCode converged(SNES snes, PetscInt, PetscReal, PetscReal, PetscReal, S
     SS_TRY(SNESGetFunction(snes, &f, nullptr, nullptr));
     const Reading values(f);
     const bool there =
-        solve.result.took({values + 0, values + solve.equations.size()}, solve.equations.parameters());
+        solve.result.took(solve.equations.in_units({values + 0, values + solve.equations.size()}),
+                          solve.equations.parameters());
     const bool lost = !(solve.result.last_step < 1e6);
     *reason = there ? SNES_CONVERGED_SNORM_RELATIVE : lost ? SNES_DIVERGED_DTOL : SNES_CONVERGED_ITERATING;
   });

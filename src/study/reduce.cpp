@@ -12,6 +12,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 
@@ -154,7 +155,7 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
     return unknown + "friction_law " + to_string(cell.friction.law) + " jumps at rest" + see;
   try {
     if (cell.n == 1) {
-      const double small = 1e-6 * (1 + std::abs(scene.v));
+      const double small = 1e-6 * slip_scales(scene).psi;
       const bool still = seen.amplitude && *seen.amplitude < small && std::abs(psi - scene.v) < small;
       const bool slides =
           still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));

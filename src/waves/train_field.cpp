@@ -3,6 +3,7 @@
 #include <petscsys.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "stickslip/base/error.hpp"
@@ -192,8 +193,10 @@ std::optional<Train> train_to_accuracy(TrainSolution start, double tolerance, co
     return std::abs(field.request().speed ? a.period(coarse.q()).T / b.period(fine.q()).T - 1
                                           : a.speed() / b.speed() - 1);
   };
+  // of the profile psi alone, against a quarter of its scale
+  const std::vector<double> units{field.unit(0) / 4, HUGE_VAL, HUGE_VAL, HUGE_VAL};
   auto found = solve_to_accuracy<PeriodicEquations>(solve_train_on_mesh, std::move(start),
-                                                    {tolerance, 12, {0}, units_of_psi, change, what});
+                                                    {tolerance, 12, {0}, units, change, what});
   if (!found) return std::nullopt;
   // round-off: what one more step of Newton's method would move q by, and a few units of the last place
   TrainSolution& solution = found->solution;

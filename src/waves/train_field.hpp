@@ -53,6 +53,9 @@ class TrainField : public VectorField {
   Period period(double q) const override;
   void add_slope(const double* y, const double* f, double* slope) const override;
   double anchor() const override { return oscillator_->v(); }
+  double unit(int component) const override {  // the last of a viscous train is a slope of f
+    return oscillator_->scale(component < oscillator_->dim() ? component : 0);
+  }
   Stiff stiff() const override;
 
  private:
@@ -78,9 +81,6 @@ FieldFamily fields_of(std::function<TrainCase(double)> cases, double start);
 std::function<void(double, double*)> profile_of(const Train& train);
 // The train of a solution; its residual and errors stay 0.
 Train pack(const TrainField& field, const TrainSolution& solution);
-
-// A profile is measured by its psi alone.
-const std::vector<double> units_of_psi{1, HUGE_VAL, HUGE_VAL, HUGE_VAL};
 
 // Newton's method in at most so many steps, by SNES where the request says so and the user has options for
 // it; false where it does not converge.

@@ -57,9 +57,8 @@ class ViscousProfile {
     return std::make_shared<const TrainField>(plain.oscillator, request, N);
   }
   static bool solve(TrainSolution& s) {
-    const double v = s.equations.field().anchor();
     return solve_train_on_mesh(s) &&
-           ranges(s.x.data(), points_on(s.mesh()), s.equations.dim())[0] > 1e-6 * (1 + std::abs(v));
+           ranges(s.x.data(), points_on(s.mesh()), s.equations.dim())[0] > 1e-6 * s.equations.field().unit(0);
   }
 
   SharedTrain field_;

@@ -16,7 +16,7 @@ def test_boundary(scenes):
 
 
 def test_cycle(scenes):
-    explore(scenes, units.draw_cycle, "cycle", 904, 3, 1e-7)
+    explore(scenes, units.draw_cycle, "cycle", 904, 3, 1e-6)
 
 
 def test_wave(scenes):

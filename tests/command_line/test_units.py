@@ -8,10 +8,11 @@ from calls import call
 from units import explore
 
 
-@pytest.mark.parametrize("command, draw, salt, count", [
-    ("spectrum", units.draw_spectrum, 922, 6), ("boundary", units.draw_boundary, 923, 3)])
-def test_other_units(scenes, command, draw, salt, count):
-    explore(scenes, draw, command, salt, count, 1e-9)
+@pytest.mark.parametrize("command, draw, salt, count, tolerance", [
+    ("spectrum", units.draw_spectrum, 922, 6, 1e-9), ("boundary", units.draw_boundary, 923, 3, 1e-9),
+    ("cycle", units.draw_cycle, 926, 2, 1e-6), ("wave", units.draw_wave, 925, 3, 1e-7)])
+def test_other_units(scenes, command, draw, salt, count, tolerance):
+    explore(scenes, draw, command, salt, count, tolerance)
 
 
 def test_a_fault_in_units_of_megametres():

@@ -21,6 +21,7 @@
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/periodic_mesh.hpp"
 
@@ -62,6 +63,8 @@ class Oscillator {
   // The |v| from which on uniform sliding is stable, for the cubic law without a state, whatever r2; else
   // NaN.
   double v_c() const;
+  // What f, z and s are measured by.
+  double scale(int component) const { return scales_.of(component); }
   // |f| beyond which uniform motion grows for ever: nothing dissipates enough to hold it; else infinite.
   double escape() const { return escape_; }
   // Does uniform sliding lose stability to the oscillation of this r2?
@@ -74,6 +77,7 @@ class Oscillator {
   std::shared_ptr<const Friction> friction_;
   LinearPoint node_;  // of that node, at r2 = 1 and without friction
   double B_, c2_, v_, escape_;
+  SlipScales scales_;
 };
 
 // A periodic solution as a function of phase = t/period, phase 0 where f passes v upwards (downwards where v

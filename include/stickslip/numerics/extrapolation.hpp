@@ -22,11 +22,11 @@ class Extrapolation {
       : size_(size), columns_(parts * size), a_(size), b_(size), f_(size) {}
 
   // `into` becomes y after h; f(y, rates) is the right-hand side, f0 its value at y. Returns the largest
-  // error estimate of an unknown over `tolerance` (1 + |y|): at most 1 is within it; not finite where f is
-  // not.
+  // error estimate of an unknown over `tolerance` (scale + |y|), its scale that of the list: at most 1 is
+  // within it; not finite where f is not.
   template <class F>
   double step(F&& f, const double* y, const double* f0, double h, std::size_t controlled, double tolerance,
-              double* into) {
+              const double* scales, double* into) {
     for (int j = 0; j < parts; ++j) {
       double* const result = &columns_[j * size_];
       midpoint(f, y, f0, h, 2 * (j + 1), result);
@@ -46,7 +46,7 @@ class Extrapolation {
       }
       into[k] = t[parts - 1];
       if (k < controlled)
-        error = worse(error, std::abs(t[parts - 1] - before) / (tolerance * (1 + std::abs(y[k]))));
+        error = worse(error, std::abs(t[parts - 1] - before) / (tolerance * (scales[k] + std::abs(y[k]))));
     }
     return error;
   }

@@ -58,6 +58,8 @@ class VectorField {
   }
   // Added to the right-hand side of the first condition, that of the phase.
   virtual double anchor() const { return 0; }
+  // What a component of y is measured by, a power of two: a change is small beside it.
+  virtual double unit(int) const { return 1; }
   // The component of a rate so fast that the residual of its stages says little of y: weighted with
   // 1/(1 + h rate).
   struct Stiff {
@@ -108,6 +110,8 @@ class PeriodicEquations {
   double q(const std::vector<double>& x) const { return x[n_ * block()]; }
   double lambda(const std::vector<double>& x) const { return family_ ? x[n_ * block() + 1] : lambda_; }
   void at(const std::vector<double>& x, double phase, double* y) const;
+  // A step dx in units of the components, of a family's parameter in those of its scale.
+  std::vector<double> in_units(std::vector<double> dx) const;
   void jacobian(const std::vector<double>& x, const double* y, double* J) const {
     at_number(field_, q(x))->jacobian(y, J);
   }
@@ -127,8 +131,8 @@ class PeriodicEquations {
     bool converged = false;
     double last_step = -1, q_step = 0, residual = 0;
 
-    // After the step dx, whose last entries are the `numbers` sought: is the solution there? Converged by the
-    // step: the residual cannot fall below the round-off of stiff intervals. In a front of width w (in phase)
+    // After the step dx, in units of the components, whose last entries are the `numbers` sought: is the
+    // solution there? Converged by the step: the residual cannot fall below the round-off of stiff intervals. In a front of width w (in phase)
     // y cannot be known better than 1e-16/w, so that there the numbers decide.
     bool took(const std::vector<double>& dx, std::size_t numbers);
   };
