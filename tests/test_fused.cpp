@@ -12,6 +12,10 @@ using namespace stickslip;
 
 namespace {
 
+ErrorNorm norm_of(double atol, double rtol, NormType type) {
+  return {Tolerances::as_set({}, rtol, atol), type};
+}
+
 // Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution); the classical method of
 // order 4 with an invented estimate (its last stage is not); and with one that has a stage of its own.
 const std::vector<StageProgram> tableaus = {
@@ -167,7 +171,8 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       combine(u, dt, method.b.data(), slopes, expected);
       combine(u, dt, method.embedded.data(), slopes, other);
 
-      const TiledStep::Outcome outcome = step.take(u, dt, {1e-4, 1e-3, NORM_2}, true, found, kept, at_end);
+      const ErrorNorm mean = norm_of(1e-4, 1e-3, NORM_2), of_largest = norm_of(1e-4, 1e-3, NORM_INFINITY);
+      const TiledStep::Outcome outcome = step.take(u, dt, mean, true, found, kept, at_end);
       INFO("n " << scene.n << " order " << scene.order << " dof " << model.dof() << " form "
                 << int(scene.form) << " left " << int(scene.left) << " dt " << dt);
       // Values of size 2; rates of size A phi + K1 kappa^2 psi < wave^2/A: each rounded some ten times.
@@ -185,12 +190,12 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       // the error is a difference of values of size 2, weighted by 1e4
       CHECK(std::abs(outcome.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_2)) <=
             40 * eps * (2 + dt * rate) / 1e-4);
-      const TiledStep::Outcome largest = step.take(u, dt, {1e-4, 1e-3, NORM_INFINITY}, true, found, {});
+      const TiledStep::Outcome largest = step.take(u, dt, of_largest, true, found, {});
       CHECK(std::abs(largest.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_INFINITY)) <=
             40 * eps * (2 + dt * rate) / 1e-4);
       // without the estimate the last stage may be left out, and nothing else changes
       VecHandle again = model.create_vector();
-      step.take(u, dt, {1e-4, 1e-3, NORM_2}, false, again, {});
+      step.take(u, dt, mean, false, again, {});
       CHECK(distance(found, again) == 0);
       if (!direction.empty()) model.set_direction(nullptr);
     }
@@ -211,8 +216,8 @@ TEST_CASE("a step taken tile by tile does not depend on the ranks, to the last b
     TiledStep step(model, tableaus[0], Stick::applies_to(scene)),
         step_alone(alone, tableaus[0], Stick::applies_to(scene));
     const auto direction = give_direction(model, step), direction_alone = give_direction(alone, step_alone);
-    step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
-    step_alone.take(all, 0.02, {1e-4, 1e-3, NORM_2}, true, expected, {});
+    step.take(u, 0.02, norm_of(1e-4, 1e-3, NORM_2), true, found, {});
+    step_alone.take(all, 0.02, norm_of(1e-4, 1e-3, NORM_2), true, expected, {});
     CHECK(same_bits(model, found, expected));
   }
 }
@@ -226,7 +231,7 @@ TEST_CASE("a step taken tile by tile tells what is not finite", "[fused]") {
   const TiledStep step(model, tableaus[0]);
   for (const bool estimate : {true, false})
     for (const NormType norm : {NORM_2, NORM_INFINITY}) {
-      CHECK(step.take(u, 0.01, {1e-6, 1e-6, norm}, estimate, found, {}).finite);
-      CHECK_FALSE(step.take(u, 1e60, {1e-6, 1e-6, norm}, estimate, found, {}).finite);
+      CHECK(step.take(u, 0.01, norm_of(1e-6, 1e-6, norm), estimate, found, {}).finite);
+      CHECK_FALSE(step.take(u, 1e60, norm_of(1e-6, 1e-6, norm), estimate, found, {}).finite);
     }
 }

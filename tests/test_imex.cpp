@@ -23,6 +23,10 @@ using namespace stickslip;
 
 namespace {
 
+ErrorNorm norm_of(double atol, double rtol, NormType type) {
+  return {Tolerances::as_set({}, rtol, atol), type};
+}
+
 std::vector<Scene> imex_scenes() {
   std::vector<Scene> all;
   for (const PetscInt n : {PetscInt(70), PetscInt(1100)}) {  // one tile; several
@@ -171,8 +175,28 @@ TEST_CASE("tableaus of arkimex are read off the library's own steps", "[imex]") 
   CHECK(third.tableau().A[4] == Approx(1767732205903. / 2027836641118.).epsilon(1e-15));
 }
 
+namespace {
+
+// (1 - h J) x = e for psi and the state of a node, with the error of eta as it is; a held psi errs by
+// nothing.
+std::vector<double> error_of_slaves(const Model& model, PetscInt i, const double* u, double h,
+                                    std::vector<double> e) {
+  const LinearPoint p = model.linear_point(i, u[0], u[2]);
+  const double a = 1 + h * p.A * (p.B + p.F_psi), b = h * p.A * p.F_state;
+  const double c = -h * p.g_psi, d = 1 - h * p.g_state;
+  const double psi = e[0] + h * p.A * e[1], state = e[2], determinant = a * d - b * c;
+  if (determinant > 0) {
+    e[0] = (psi * d - b * state) / determinant;
+    e[2] = (a * state - c * psi) / determinant;
+  }
+  if (model.held(model.first() + i)) e[0] = 0;
+  return e;
+}
+
+}  // namespace
+
 TEST_CASE("stages of arkimex solve the model's own equations, whatever is implicit", "[imex]") {
-  const ErrorNorm tight{1e-10, 1e-10, NORM_2};  // residuals of 1e-13
+  const ErrorNorm tight = norm_of(1e-10, 1e-10, NORM_2);  // residuals of 1e-13
   for (const Scene& scene : imex_scenes())
     for (const Split& split : splits_of(scene))
       for (const char* subtype : {"3", "4", "1bee", "prssp2"}) {
@@ -226,8 +250,19 @@ TEST_CASE("stages of arkimex solve the model's own equations, whatever is implic
         double sum = 0;
         SS_TRY(VecGetArrayRead(found, &a));
         SS_TRY(VecGetArrayRead(y, &b));
-        for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
-          sum += std::pow((a[i] - b[i]) / (1e-10 + 1e-10 * std::max(std::abs(a[i]), std::abs(b[i]))), 2);
+        const int dof = model.dof();
+        for (PetscInt i = 0; i < model.local(); ++i) {
+          const double *const now = a + i * dof, *const other = b + i * dof;
+          std::vector<double> error(dof);
+          for (int d = 0; d < dof; ++d) error[d] = now[d] - other[d];
+          // where friction goes by ln psi: what the node's own equations make of it
+          if (model.friction_law(i).steep && split.implicit != Implicit::wave)
+            error = error_of_slaves(model, i, now, dt * t.At[s * s - 1], error);
+          for (int d = 0; d < dof; ++d) {
+            const double size = std::max(std::abs(now[d]), std::abs(now[d] - error[d]));
+            sum += std::pow(error[d] / (1e-10 + 1e-10 * size), 2);
+          }
+        }
         SS_TRY(VecRestoreArrayRead(y, &b));
         SS_TRY(VecRestoreArrayRead(found, &a));
         SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
@@ -278,7 +313,7 @@ TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "
     start(model, u);
     const std::vector<double> direction = give_direction(model, step, u);
     const double dt = Stick::applies_to(scene) ? 0.002 : 0.01;
-    const TiledStep::Outcome outcome = step.take(u, dt, {1e-6, 1e-6, NORM_2}, false, found, {});
+    const TiledStep::Outcome outcome = step.take(u, dt, norm_of(1e-6, 1e-6, NORM_2), false, found, {});
     INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n
                                        << " order " << scene.order << " left " << int(scene.left));
     CHECK(outcome.finite);
@@ -320,8 +355,8 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
     }
     INFO(to_string(scene.friction.law) << " n " << scene.n);
     const auto check_step = [&](const StepTaker& shared, const StepTaker& single, bool estimate) {
-      shared.take(u, 0.02, {1e-4, 1e-3, NORM_2}, estimate, found, {});
-      single.take(all, 0.02, {1e-4, 1e-3, NORM_2}, estimate, expected, {});
+      shared.take(u, 0.02, norm_of(1e-4, 1e-3, NORM_2), estimate, found, {});
+      single.take(all, 0.02, norm_of(1e-4, 1e-3, NORM_2), estimate, expected, {});
       CHECK(same_bits(model, found, expected));
     };
     const RosenbrockW& w = rosenbrock_w("ra34pw2");
@@ -684,7 +719,7 @@ TEST_CASE("everything implicit: a step leads to the solution that grows out of i
       SS_TRY(VecRestoreArray(u, &a));
       bool lost;
       const std::vector<double> expected = followed_euler(scene, psi, eta, h, lost);
-      const bool solved = step.take(u, h, {1e-9, 1e-9, NORM_2}, true, found, slopes).solved;
+      const bool solved = step.take(u, h, norm_of(1e-9, 1e-9, NORM_2), true, found, slopes).solved;
       if (!solved) {
         ++refused;
         lost_and_refused += lost ? 1 : 0;
@@ -746,7 +781,7 @@ TEST_CASE("everything implicit at fixed steps, however long: what is told as sol
     std::vector<VecHandle> slopes;
     for (std::size_t i = 0; i < 2 * s; ++i) slopes.push_back(model.create_vector());
     const double dt = std::exp(between(-6, 2));
-    const StepTaker::Outcome outcome = step.take(u, dt, {1e-6, 1e-6, NORM_2}, false, found, slopes);
+    const StepTaker::Outcome outcome = step.take(u, dt, norm_of(1e-6, 1e-6, NORM_2), false, found, slopes);
     if (!outcome.solved || !outcome.finite) {
       ++refused;
       continue;

@@ -12,6 +12,7 @@
 #include "model/friction_family.hpp"
 #include "model/law_list.hpp"
 #include "model/loop_families.hpp"
+#include "model/scales_family.hpp"
 #include "time/tile_families.hpp"
 
 namespace stickslip {
@@ -30,6 +31,7 @@ void add_pairs(Laws laws, States states) {
     let_accompany(L::name, S::name, is_usual<L, S>());
   });
   add_family<FrictionFamily>(laws, states);
+  add_family<ScalesFamily>(laws, states);
   add_family<WholeFamily>(laws, states);
   add_family<OntoFamily>(laws, states);
   add_family<ReactionFamily>(laws, states);

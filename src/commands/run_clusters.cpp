@@ -44,9 +44,8 @@ std::string Run::no_clusters() const {
 std::string Run::no_gain_of_clusters() const {
   const PetscInt n = problem_.model.scene().n;
   if (n < fewest) return "with " + std::to_string(n) + " nodes nothing is gained";
-  double absolute, relative;
-  SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
-  if (std::max(absolute, relative) >= loose) return "steps of these tolerances are looked after as a whole";
+  if (integrator_->tolerances().largest() >= loose)
+    return "steps of these tolerances are looked after as a whole";
   return "";
 }
 
@@ -70,11 +69,9 @@ void Run::choose_clusters(const std::optional<Checkpoint>& checkpoint) {
 }
 
 void Run::set_up_clusters(const std::optional<Checkpoint>& checkpoint) {
-  double absolute, relative;
-  SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
   if (catalogue_) catalogue_->take_events();
   clusters_ = std::make_unique<ClusterRun>(
-      problem_.model, plate_, absolute, relative,
+      problem_.model, plate_, integrator_->tolerances(),
       ClusterRun::Wanted{catalogue_ != nullptr, options_.boolean("out_rupture")});
   clusters_->report.method = integrator_->report().method;
   const double t_end = options_.real("ts_max_time");

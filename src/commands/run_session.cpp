@@ -260,10 +260,9 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   choose_clusters(checkpoint);
   limit_steps();
   if (integrator_->adaptive()) {
-    double absolute, relative;
-    SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
-    if (maxima_) maxima_->errors_up_to(absolute, relative);
-    if (exponents_) exponents_->errors_up_to(absolute);
+    const Tolerances& of_psi = integrator_->tolerances();
+    if (maxima_) maxima_->errors_up_to(of_psi.absolute[0], of_psi.relative[0]);
+    if (exponents_) exponents_->errors_up_to(of_psi.absolute[0]);
   }
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
   check_unused_after_setup(options_, is_explicit ? "ts" : "ts snes ksp pc");

@@ -162,6 +162,7 @@ std::string FrictionCurve::fault(const Points& points, std::size_t& at) {
 FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   const std::vector<Points> directions = directions_of(points);
   const Buckets b = buckets_of(directions);
+  for (const auto& point : points) largest_ = std::max(largest_, std::abs(point.second));
   offset_ = b.offset;
   last_ = b.last;
   least_ = b.least;

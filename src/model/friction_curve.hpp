@@ -22,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/law_scales.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/model/friction.hpp"
 
@@ -60,6 +61,7 @@ class FrictionCurve {
   double threshold() const { return threshold_; }
   double least_speed() const { return least_; }  // given, beside 0: below 0 the cubic is good for so much
   SlopeBounds slope_bounds() const { return bounds_; }
+  LawScales scales() const { return {last_, largest_ > 0 ? largest_ : 1, 1}; }
 
  private:
   // value + y (slope + y (bend + y twist)) from `from` to the next.
@@ -69,7 +71,7 @@ class FrictionCurve {
   std::vector<CubicPiece> pieces_of(const Points& points, bool straight_beyond);
 
   std::vector<Bucket> buckets_;  // of one direction, then of the other
-  double offset_ = 0, last_ = 0, least_ = 0, threshold_ = 0;
+  double offset_ = 0, last_ = 0, least_ = 0, threshold_ = 0, largest_ = 0;
   int shift_ = 0;
   std::int64_t base_ = 0, backward_ = 0;  // backward_: 0 where both directions are alike
   SlopeBounds bounds_;

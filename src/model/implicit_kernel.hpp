@@ -25,6 +25,7 @@
 #include "model/kernel.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip::kernel {
@@ -38,11 +39,19 @@ struct Stage {
   const double* slope;                    // g_psi of the stage before; nullptr at the first
   double *g_psi, *g_eta, *g_state;        // its slopes
   double h;
-  double target;  // of the residual, against 1 + |psi|
+  double target;  // of the residual, against the scale of psi and |psi|
+  Scales scales;
   bool strict, held;
   PetscInt count;
   PetscInt node = 0;  // number of the first node, for friction that varies
 };
+
+// What the equation of a state may be off by: in parts of its scale and of the state, not of a logarithm,
+// whose size says nothing; and what that is rounded by.
+inline double allowed_of_state(double target, const Scales& scales, double s) {
+  const double size = s < 0 ? -s : s;
+  return target * (scales.state + (scales.state_is_logarithm ? 0 : size)) + 4e-16 * size;
+}
 
 // One node's equations.
 template <class F, bool sticking>
@@ -50,6 +59,7 @@ struct NodeEquation {  // F: of the node itself
   const F& friction;
   double amplitude, direction;
   double h, a, q, R, z_state;
+  const Scales& scales;
 
   Partials force(double psi, double s) const {
     const Partials p = partials_at<sticking>(friction, psi, s, direction);
@@ -62,7 +72,7 @@ struct NodeEquation {  // F: of the node itself
       const RatePartials g = rate(psi, s);
       const double change = (s - z_state - h * g.g) / (1 - h * g.g_state);
       s -= change;
-      if (!(std::abs(change) > 1e-15 * (1 + std::abs(s)))) break;
+      if (!(std::abs(change) > 1e-15 * (scales.state + std::abs(s)))) break;
     }
     return s;
   }
@@ -80,49 +90,83 @@ struct NodeEquation {  // F: of the node itself
     }
     return {a * psi + q * p.F - R, slope, std::abs(a * psi) + std::abs(q * p.F) + std::abs(R)};
   }
-  bool is_small(const Value& v, double psi, double target) const {
-    return std::abs(v.r) <= target * a * (1 + std::abs(psi)) + 1e-15 * v.size;
+  // Whether psi is off by little, by r over its slope; and the force, which a law that goes by ln psi asks
+  // for however small psi is.
+  bool is_solved(const Value& v, double psi, double s, double target) const {
+    const double r = std::abs(v.r);
+    const double slope = std::max(a, std::abs(v.slope));
+    if (!(r <= target * slope * (scales.psi + std::abs(psi)) + 1e-14 * v.size)) return false;
+    if constexpr (F::steep) {
+      const Partials p = force(psi, s);
+      const double stiff = q * p.F_psi;
+      return r * stiff <= (target * q * (scales.eta + std::abs(p.F)) + 1e-14 * v.size) * (a + stiff);
+    }
+    return true;
+  }
+
+  // Where friction goes by ln psi the way from one psi to another is gone in that, which asinh(psi/least) is
+  // on either side of rest.
+  static constexpr double least_psi = 1e-300, far = 40;  // from far on asinh(x) = ln(2 x) to the last digit
+  static double place_of(double psi) {
+    if constexpr (!F::steep) return psi;
+    const double size = std::abs(psi), ln = std::log(size) - std::log(least_psi / 2);
+    return ln > far ? std::copysign(ln, psi) : std::asinh(psi / least_psi);
+  }
+  static double psi_at(double place) {
+    if constexpr (!F::steep) return place;
+    const double size = std::abs(place);
+    return size > far ? std::copysign(std::exp(size + std::log(least_psi / 2)), place)
+                      : least_psi * std::sinh(place);
   }
 
   // From the start of the step in growing steps to where r changes its sign, and the zero in between. False
   // where there is none in reach, or (`strict`) where dr/dpsi is not positive on the way.
   __attribute__((noinline)) bool search(double start, double start_state, double target, bool strict,
                                         double& psi, double& s) const {
-    double x = start, sx = start_state;
-    Value here = at(x, sx);
+    constexpr int most = F::steep ? 1500 : 400;
+    constexpr double longest = F::steep ? 1 : HUGE_VAL;  // a factor of e
+    double x = place_of(start), sx = start_state;
+    Value here = at(start, sx);
     if (strict && !(here.slope > 0)) return false;
     const double away = here.r > 0 ? -1 : 1;
     double length = std::max(1e-3 * std::abs(here.r) / std::max(std::abs(here.slope), a), 1e-300);
-    for (int k = 0; k < 400 && here.r != 0; ++k, length *= 1.5) {
+    if (F::steep) length = 1e-3;
+    for (int k = 0; k < most && here.r != 0; ++k, length = std::min(1.5 * length, longest)) {
       const double y = x + away * length;
       double sy = sx;
-      const Value there = at(y, sy);
+      const Value there = at(psi_at(y), sy);
       if (!std::isfinite(there.r)) return false;
       if (strict && !(there.slope > 0)) return false;
       if ((there.r < 0) != (here.r < 0) || there.r == 0) {
         double state = sx;
         const double narrow = 1e-16 * std::max(std::abs(x), std::abs(y));
-        x = find_root([&](double p) { return at(p, state).r; }, {x, here.r, y, there.r}, narrow);
+        x = find_root([&](double p) { return at(psi_at(p), state).r; }, {x, here.r, y, there.r}, narrow);
         sx = state;
-        here = at(x, sx);
+        here = at(psi_at(x), sx);
         break;
       }
       x = y;
       sx = sy;
       here = there;
     }
-    psi = x;
+    psi = psi_at(x);
     s = sx;
-    return std::isfinite(here.r) && (!strict || here.slope > 0) &&
-           std::abs(here.r) <=
-               target * std::max(a, std::abs(here.slope)) * (1 + std::abs(x)) + 1e-14 * here.size;
+    return std::isfinite(here.r) && (!strict || here.slope > 0) && is_solved(here, psi, s, target);
   }
 
   // Is dr/dpsi positive between the start of the step and the zero?
   __attribute__((noinline)) bool rises_between(double start, double start_state, double psi) const {
-    for (const double part : {0., 0.25, 0.5, 0.75}) {
+    const auto falls_at = [&](double where) {
       double s = start_state;
-      if (!(at(start + part * (psi - start), s).slope > 0)) return false;
+      return !(at(where, s).slope > 0);
+    };
+    for (const double part : {0., 0.25, 0.5, 0.75})
+      if (falls_at(start + part * (psi - start))) return false;
+    if constexpr (F::steep) {
+      const double from = place_of(start), to = place_of(psi);
+      const int parts = int(std::min(std::abs(to - from) + 1, 16.));
+      for (int k = 1; k < parts; ++k)
+        if (falls_at(psi_at(from + k * (to - from) / parts))) return false;
     }
     return true;
   }
@@ -174,7 +218,8 @@ struct SolveStage {
                                                                moves ? k.a : 1,
                                                                q,
                                                                t.z_psi[i] + q * (t.z_eta[i] + k.load),
-                                                               F::has_state ? t.z_state[i] : 0};
+                                                               F::has_state ? t.z_state[i] : 0,
+                                                               t.scales};
   }
 
   // The slower way of node i; returns whether it led to a root.
@@ -223,6 +268,7 @@ struct SolveStage {
     const double *const a = columns.a, *const q = columns.q, *const R = columns.R;
     alignas(64) double before[tile_size];  // slope of the last round
     double* const psi = t.psi + begin;
+    const double unit = t.scales.psi;
     for (PetscInt i = 0; i < count; ++i) {
       open[i] = 1;
       before[i] = 0;
@@ -239,7 +285,7 @@ struct SolveStage {
         const double slope = a[i] + q[i] * p.F_psi;
         const double size = (own < 0 ? -own : own) + (force < 0 ? -force : force) + (R[i] < 0 ? -R[i] : R[i]);
         const double magnitude = psi[i] < 0 ? -psi[i] : psi[i], miss = r < 0 ? -r : r;
-        const double allowed = t.target * (1 + magnitude), turn = slope - before[i];
+        const double allowed = t.target * (unit + magnitude), turn = slope - before[i];
         const bool close = (turn < 0 ? -turn : turn) * miss <= allowed * slope * slope;
         const bool rises = slope > 0, small = miss <= allowed * a[i] + 1e-15 * size;
         const double next = psi[i] - r / slope;
@@ -282,6 +328,7 @@ struct SolveStage {
     alignas(64) double now[tile_size];
     if (t.slope) extrapolate(t, begin, count);
     double *const psi = t.psi + begin, *const state = t.state + begin;
+    const double unit = t.scales.psi;
     for (PetscInt i = 0; i < count; ++i) {
       now[i] = goes_on;
       psi[i] = columns.q[i] != 0 ? psi[i] : columns.R[i];
@@ -301,9 +348,14 @@ struct SolveStage {
                      of_s = 1 - t.h * g.g_state;
         const double slope = (a + q * p.F_psi) * of_s + q * p.F_state * t.h * g.g_psi;
         const double size = abs(a * x) + abs(q * p.F) + abs(R);
-        const double miss = abs(r) - (t.target * a * (1 + abs(x)) + 1e-15 * size);
-        const double of_state = abs(rs) - t.target * of_s * (1 + abs(s)),
-                     worse = where_less(miss, of_state, of_state, miss);
+        const double off = abs(r) - (t.target * a * (unit + abs(x)) + 1e-15 * size);
+        const double of_state = abs(rs) - allowed_of_state(t.target, t.scales, s) * of_s;
+        double worse = where_less(off, of_state, of_state, off);
+        if constexpr (F::steep) {  // the force goes by ln psi, and needs its digits however small it is
+          const double stiff = q * p.F_psi, may = t.target * q * (t.scales.eta + abs(p.F)) + 1e-15 * size;
+          const double of_force = abs(r) * stiff - may * (a + stiff);
+          worse = where_less(worse, of_force, of_force, worse);
+        }
         const double d_psi = (q * p.F_state * rs - r * of_s) / slope,
                      s_new = s + (t.h * g.g_psi * d_psi - rs) / of_s;
         double next = x + d_psi;

@@ -27,6 +27,8 @@
 // A law that has a state law of its own names it, `using State = ...`, a class that says `of_its_law` = true;
 // factor() and factor_at_long_rest(), or rate_partials() and steady_state(), may stand with the law where
 // they need its parameters.
+// Where its velocities, forces or states are not about 1 it says how large they are,
+//     LawScales scales() const                       which may follow its parameters
 // What else a class may say stands with the functions of `says` below, each with what holds where it does
 // not.
 #pragma once
@@ -38,6 +40,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/law_scales.hpp"
 #include "numerics/elementary.hpp"
 #include "numerics/jet.hpp"
 #include "stickslip/model/friction.hpp"
@@ -128,6 +131,8 @@ template <class T>
 using VanDerPol = decltype(T::van_der_pol);
 template <class T>
 using SlopesOf = decltype(&T::slope_bounds);
+template <class T>
+using ScalesOf = decltype(&T::scales);
 template <class T>
 using VelocityOfSlope = decltype(&T::velocity_of_slope);
 template <class T>
@@ -233,6 +238,14 @@ template <class L>
 SlopeBounds slope_bounds(const L& law) {
   if constexpr (Has<L, SlopesOf>::value)
     return law.slope_bounds();
+  else
+    return {};
+}
+// scales(): all 1.
+template <class L>
+LawScales scales(const L& law) {
+  if constexpr (Has<L, ScalesOf>::value)
+    return law.scales();
   else
     return {};
 }

@@ -41,6 +41,7 @@ struct Round {
   const double *x, *R;              // R: R'
   double *g_psi, *g_eta, *g_state;  // slopes of the implicit part
   double target, immovable;
+  Scales scales;
   PetscInt count, node;
 };
 
@@ -162,15 +163,22 @@ struct NewtonRound {
         damped = magnitude(psi - aim);
       }
       change = damped != 0 ? psi - t.from[i] : change;
-      const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F,
-                   miss = magnitude(force - linear);
+      const double q = t.stage.q * amplitude;
+      const Partials p = partials_at<sticking>(own, psi, s, going);
+      const double force = q * p.F, miss = magnitude(force - linear);
       const double size = 2 * (magnitude(t.stage.a * psi) + magnitude(force));
-      double ratio = moves * (miss + (t.stage.a + t.stage.row) * damped) /
-                     (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);
+      const double off = moves * (miss + (t.stage.a + t.stage.row) * damped);
+      double ratio = off / (t.target * t.stage.a * (t.scales.psi + magnitude(psi)) + 1e-15 * size);
+      if constexpr (F::steep) {  // the force goes by ln psi, and needs its digits however small it is
+        const double stiff = q * p.F_psi, share = stiff / (t.stage.a + stiff);
+        const double of_force = share * off / (t.target * q * (t.scales.eta + magnitude(p.F)) + 1e-15 * size);
+        ratio = ratio > of_force ? ratio : of_force;
+      }
       if constexpr (F::has_state) {
         const RatePartials g = rate_at<sticking>(own, psi, s, going);
-        const double off = magnitude(s - t.z_state[i] - t.stage.h * g.g);
-        const double of_state = off / (t.target * (1 - t.stage.h * g.g_state) * (1 + magnitude(s)));
+        const double miss_of_state = magnitude(s - t.z_state[i] - t.stage.h * g.g);
+        const double of_state =
+            miss_of_state / ((1 - t.stage.h * g.g_state) * allowed_of_state(t.target, t.scales, s));
         ratio = ratio > of_state ? ratio : of_state;
         t.state[i] = s;
         t.g_state[i] = (s - t.z_state[i]) * per_h;

@@ -52,7 +52,7 @@ std::map<std::string, OptionSpec> make_ranges() {
   add("ts_dt ts_adapt_dt_min ts_adapt_dt_max eps_tol pep_tol bv_definite_tol pc_factor_fill ksp_divtol "
       "snes_divergence_tolerance ts_adapt_safety ts_adapt_reject_safety ts_adapt_scale_solve_failed",
       OptionType::real, 0, inf, true);
-  add("ts_rtol ts_atol snes_rtol snes_atol snes_stol snes_trtol ksp_rtol ksp_atol snes_linesearch_rtol "
+  add("ts_rtol snes_rtol snes_atol snes_stol snes_trtol ksp_rtol ksp_atol snes_linesearch_rtol "
       "snes_linesearch_atol snes_linesearch_ltol pc_factor_zeropivot pc_factor_shift_amount "
       "pc_factor_column_pivot",
       OptionType::real, 0, inf, false);
@@ -228,6 +228,9 @@ bool only_looks(const std::string& name) {
 void insert_library_options(const Options& options) {
   for (const auto& [name, text] : options.library())
     SS_TRY(PetscOptionsSetValue(nullptr, ("-" + name).c_str(), text.empty() ? nullptr : text.c_str()));
+  // An own option, of which PETSc knows the numbers.
+  if (const std::string atol = options.text("ts_atol"); parse_number(atol))
+    SS_TRY(PetscOptionsSetValue(nullptr, "-ts_atol", atol.c_str()));
 }
 
 void check_library_types(const Options& options) {

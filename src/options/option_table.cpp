@@ -210,6 +210,11 @@ void time_options(OptionTableBuilder& t) {
       .unset("none")
       .where("load_halt", {"true"})
       .read_by("run");
+  t.real_or("ts_atol", "auto", "auto",
+            "absolute tolerance of a step. auto: 1e-6 of the scene's own scales of velocity, force and "
+            "state; auto:NUMBER: such a part of them; a number: of every unknown, in its own unit")
+      .words({"auto", "auto:NUMBER"})
+      .at_least(0);
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method, or rosw:ra34pw2, takes implicitly");
   t.in("Time stepping", "run");

@@ -163,7 +163,14 @@ std::string or_words(const OptionSpec& spec) {
 }  // namespace
 
 bool is_word(const OptionSpec& spec, const std::string& text) {
-  return std::find(spec.words.begin(), spec.words.end(), text) != spec.words.end();
+  const auto means = [&](const std::string& word) {
+    const auto colon = word.find(":NUMBER");  // a positive one stands there
+    if (colon == std::string::npos || text.compare(0, colon + 1, word, 0, colon + 1) != 0)
+      return text == word;
+    const std::optional<double> number = parse_number(text.substr(colon + 1));
+    return number && *number > 0 && std::isfinite(*number);
+  };
+  return std::any_of(spec.words.begin(), spec.words.end(), means);
 }
 
 std::string requirement(const OptionSpec& spec) {

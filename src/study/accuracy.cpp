@@ -124,7 +124,7 @@ void AccuracyPlan::Impl::finish() {
   if (const double step = runs.pilot().longest_step(setting); step > 0)
     set("ts_adapt_dt_max", number_text(step));
   set("ts_rtol", number_text(setting.tolerance));
-  set("ts_atol", number_text(setting.tolerance));
+  set("ts_atol", "auto:" + number_text(setting.tolerance));
   what = setting.method.name();
   if (setting.method.splits()) what += " (implicit: " + setting.method.implicit + ")";
   what += fmt::format(", tolerance {:.2g}", setting.tolerance);

@@ -27,7 +27,7 @@ Table<ChartRow> chart_table() {
           "row",
           {{"method", "1", "method", &ChartRow::method},
            {"implicit", "1", "terms taken implicitly", &ChartRow::implicit},
-           {"tolerance", "1", "relative and absolute tolerance of a step",
+           {"tolerance", "1", "tolerance of a step, relative and in parts of the scales",
             [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
            {"step", "time", "step, where all are the same",
             [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},

@@ -73,6 +73,13 @@ PetscInt mesh_divisor_of(const Options& options, const Scene& scene, const std::
   return std::max(jumps, cells_between_corners(corners, scene, 2, most));
 }
 
+// ts_atol of psi, in parts of its scale.
+double parts_of_psi(const Options& options, const Scene& scene) {
+  const std::string text = options.text("ts_atol");
+  return text.rfind("auto", 0) == 0 ? MethodSpec::from(options).parts
+                                    : options.real("ts_atol") / scales_of(scene).psi;
+}
+
 MethodSpec explicit_method() { return MethodSpec::parse("accuracy", "rk:7vr"); }
 
 // The method that the user set. Throws UsageError where it gives no error estimate.
@@ -132,7 +139,7 @@ Setting AccuracyRequest::setting() const {
   s.method = method_open ? explicit_method() : method_set(options);
   if (!tolerance_open)
     s.tolerance = std::min(options.is_set("ts_rtol") ? options.real("ts_rtol") : 1.,
-                           options.is_set("ts_atol") ? options.real("ts_atol") : 1.);
+                           options.is_set("ts_atol") ? parts_of_psi(options, scene) : 1.);
   s.order = order_open ? possible_orders(scene).back() : scene.order;
   s.n = grid_open ? nodes(64) : scene.n;
   return s;

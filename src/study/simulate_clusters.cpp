@@ -85,8 +85,8 @@ class ClusterRun::Told : public Clusters::Watcher {
   const Plate& plate_;
 };
 
-ClusterRun::ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted)
-    : model_(model), clusters_(model, plate, atol, rtol) {
+ClusterRun::ClusterRun(const Model& model, Plate& plate, const Tolerances& tolerances, Wanted wanted)
+    : model_(model), clusters_(model, plate, tolerances) {
   told_ = std::make_unique<Told>(model.scene(), wanted, clusters_, plate);
 }
 ClusterRun::~ClusterRun() = default;

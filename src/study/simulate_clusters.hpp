@@ -31,7 +31,7 @@ class ClusterRun {
     bool events = false, ruptures = false;
   };
   // The plate, whose clock it keeps, must outlive it.
-  ClusterRun(const Model& model, Plate& plate, double atol, double rtol, Wanted wanted);
+  ClusterRun(const Model& model, Plate& plate, const Tolerances& tolerances, Wanted wanted);
   ~ClusterRun();
   static double bytes_a_node() { return 56; }  // memory
   void limit_steps(double longest) { clusters_.limit_steps(longest); }

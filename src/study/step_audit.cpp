@@ -101,10 +101,9 @@ struct StepAudit::Impl {
 
   Impl(const Model& m, const Options& o, const Integrator& i, double from, double to)
       : model(m), options(o), integrator(i), t_begin(from), t_end(to) {
-    double dt, rtol, atol;
+    double dt;
     SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
-    SS_TRY(TSGetTolerances(integrator.ts(), &atol, nullptr, &rtol, nullptr));
-    tolerance = std::max(rtol, atol);
+    tolerance = integrator.tolerances().largest();
     watching = !integrator.adaptive() || tolerance >= loose;
     if (!watching) return;
     before = model.create_vector();
@@ -161,7 +160,9 @@ struct StepAudit::Impl {
       SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));
     }
     SS_TRY(VecCopy(before, exact));
-    SS_TRY(TSSetTolerances(accurate->ts(), std::max(1e-3 * change, 1e-12), nullptr, 1e-6, nullptr));
+    const Scales scales = scales_of(model.scene());
+    accurate->set_tolerances(
+        Tolerances::automatic(scales, Tolerances::usual, std::max(1e-3 * change / scales.psi, 1e-12)));
     SS_TRY(TSSetStepNumber(accurate->ts(), 0));
     try {
       simulate(*accurate, exact, {step.t_before, step.t, most_steps}, {});

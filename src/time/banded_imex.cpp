@@ -50,7 +50,9 @@ BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implici
     for (int i = 0; i < t.rows && t.group < 0 && !scene.ring(); ++i)
       end_rows_.back().push_back(second_difference_row(scene, t.begin + i));
   }
-  for (std::vector<double>* of_tile : {&d_, &b_, &x_, &spare_, &zeros_})
+  if (implicit == Implicit::both && !method_.embedded.empty()) slaves_ = SlaveErrors(scene, places);
+  for (std::vector<double>* of_tile : {&d_, &b_, &x_, &spare_, &zeros_, &new_[0], &new_[1], &new_[2],
+                                       &of_new_[0], &of_new_[1], &of_new_[2]})
     of_tile->assign(longest + 2 * (scene.order / 2) + kernel::lanes, 0.);
 }
 
@@ -139,7 +141,8 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
   r.g_eta = slope(1);
   r.g_state = has_state ? slope(2) : nullptr;
   // fixed steps have no tolerance: what they err by is all theirs
-  r.target = step.estimate ? step.norm.solver_target() : ErrorNorm::least_target;
+  r.target = step.estimate ? step.norm.tolerances.solver_target() : Tolerances::least_target;
+  r.scales = step.norm.tolerances.scales;
   r.immovable = BandSystem::immovable;
   r.count = t.count();
   r.node = t.at;
@@ -360,20 +363,29 @@ BandedImex::Newton BandedImex::newton(int i, const Step& step) const {
 // ------------------------------------------------------------------------------------------------------
 
 void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, StepErrors::Sums& sums) const {
-  for (int d = 0; d < model_.dof(); ++d) {
-    columns_.sum_solution(t, d, step.dt, x_.data());
-    layout_.store(t, x_.data(), d, u_new);
-    if (step.estimate) columns_.sum_error(t, d, step.dt, b_.data());
-    measure(t, step, sums);
+  const int dof = model_.dof();
+  for (int d = 0; d < dof; ++d) {
+    columns_.sum_solution(t, d, step.dt, new_[d].data());
+    layout_.store(t, new_[d].data(), d, u_new);
+    if (step.estimate) columns_.sum_error(t, d, step.dt, of_new_[d].data());
   }
+  if (step.estimate && slaves_.any()) {
+    const NodeCoefficients same{coefficients_.A, coefficients_.B, coefficients_.K0, coefficients_.s_delta};
+    slaves_({new_[0].data(), new_[2].data(), of_tile(amplitude_, t), of_tile(direction_, t),
+             of_new_[0].data(), of_new_[1].data(), of_new_[2].data(),
+             step.dt * diagonal(method_.stages - 1), t.count(), t.at},
+            [&](PetscInt) { return same; });
+    for_held(t, [&](PetscInt place, const Combination&) { of_new_[0][place] = 0; });
+  }
+  for (int d = 0; d < dof; ++d) measure(t, d, step, sums);
 }
 
-// Of the new values in x_ and their errors in b_ those that this rank owns.
-void BandedImex::measure(const BandTile& t, const Step& step, StepErrors::Sums& sums) const {
+// Of the new values of an unknown and their errors those that this rank owns.
+void BandedImex::measure(const BandTile& t, int unknown, const Step& step, StepErrors::Sums& sums) const {
   PetscInt begin, end;
   layout_.own_range(t, begin, end);
   const PetscInt count = end - begin;
-  const double *u = x_.data(), *e = b_.data();
+  const double *u = new_[unknown].data(), *e = of_new_[unknown].data();
   if (count < t.count()) {
     for (PetscInt i = 0; i < count; ++i) {
       const PetscInt place = t.lanes == 1 ? begin + i : t.place(begin + i);
@@ -383,7 +395,7 @@ void BandedImex::measure(const BandTile& t, const Step& step, StepErrors::Sums& 
     u = d_.data();
     e = spare_.data();
   }
-  errors_.add(u, e, count, step.norm, step.estimate, sums);
+  errors_.add(unknown, u, e, count, step.norm, step.estimate, sums);
 }
 
 void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {

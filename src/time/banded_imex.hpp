@@ -12,12 +12,14 @@
 // at once to the right-hand side of the next stage where both stages share their factors.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <vector>
 
 #include "time/band_system.hpp"
 #include "time/imex_columns.hpp"
+#include "time/slave_errors.hpp"
 #include "time/step_errors.hpp"
 #include "time/tile_kernels.hpp"
 
@@ -70,7 +72,7 @@ class BandedImex : public StepTaker {
   void linearise(const BandTile& t, const kernel::Round& round) const;
   void guess(const BandTile& t, int i, const Step& step) const;
   void finish(const BandTile& t, const Step& step, double* u_new, StepErrors::Sums& sums) const;
-  void measure(const BandTile& t, const Step& step, StepErrors::Sums& sums) const;
+  void measure(const BandTile& t, int unknown, const Step& step, StepErrors::Sums& sums) const;
   void store_slopes(const std::vector<VecHandle>& slopes) const;
   // Calls body(place in the tile, row of D2 as places of the tile) for the held nodes of a tile.
   template <class Body>
@@ -88,8 +90,10 @@ class BandedImex : public StepTaker {
   std::vector<double> amplitude_, direction_;
   std::vector<std::vector<Combination>> end_rows_;         // of D2, at nodes of outer tiles on a line
   mutable std::vector<double> d_, b_, x_, spare_, zeros_;  // of one tile
+  mutable std::array<std::vector<double>, 3> new_, of_new_;  // its new values, and their errors
   mutable bool from_start_ = true;  // psi's change is counted from the start of the step, not from 0
   StepErrors errors_;
+  SlaveErrors slaves_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
   tile::NewtonRound newton_;

@@ -19,11 +19,11 @@ constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by t
 
 }  // namespace
 
-ClusterSteps::ClusterSteps(const Model& model, double atol, double rtol)
+ClusterSteps::ClusterSteps(const Model& model, const Tolerances& tolerances)
     : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
-      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)), atol_(atol),
-      rtol_(rtol), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()), K1_(scene_.mean_K1()),
-      method_(FusedMethod::of(TSRK)),
+      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)),
+      tolerances_(tolerances), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()),
+      K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
       links_(links_along(scene_, 0, scene_.n)), stencil_(tile::stencil(scene_, links_)),
       pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),
@@ -188,13 +188,15 @@ double ClusterSteps::attempt(Cluster& c, double dt, Part nodes) {
   const double* const next = c.block(Cluster::next);
   for (int d = 0; d < dof_; ++d) std::fill_n(error + c.place(d) + nodes.begin, nodes.end - nodes.begin, 0.);
   sum(c, error, error_weights_.data(), stages, dt, error, nodes);
-  for (int d = 0; d < dof_; ++d)
+  for (int d = 0; d < dof_; ++d) {
+    const double atol = tolerances_.absolute[d], rtol = tolerances_.relative[d];
     for (std::size_t k = c.place(d) + std::size_t(nodes.begin); k < c.place(d) + std::size_t(nodes.end);
          ++k) {
       largest = std::max(largest,
-                         std::abs(error[k]) / (atol_ + rtol_ * std::max(std::abs(u[k]), std::abs(next[k]))));
+                         std::abs(error[k]) / (atol + rtol * std::max(std::abs(u[k]), std::abs(next[k]))));
       not_finite += next[k] - next[k];
     }
+  }
   return not_finite == 0 ? largest : infinity;
 }
 

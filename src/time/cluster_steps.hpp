@@ -48,7 +48,7 @@ struct Cluster {
 
 class ClusterSteps {
  public:
-  ClusterSteps(const Model& model, double atol, double rtol);
+  ClusterSteps(const Model& model, const Tolerances& tolerances);
 
   std::unique_ptr<Cluster> make(PetscInt first, PetscInt count) const;
   // From t0 on, of the length dt or less, to where the cluster's nodes go on as they do or one starts or
@@ -107,7 +107,8 @@ class ClusterSteps {
   int dof_;
   PetscInt reach_;
   bool both_sides_, loaded_;
-  double atol_, rtol_, unseen_, N_, K1_;
+  Tolerances tolerances_;
+  double unseen_, N_, K1_;
   std::unique_ptr<FusedMethod> method_;
   StageProgram tableau_;
   std::vector<double> error_weights_;  // of its slopes, times the length of a step

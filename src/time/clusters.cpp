@@ -34,10 +34,10 @@ std::string Clusters::refusal(const Scene& s) {
 
 Clusters::~Clusters() = default;
 
-Clusters::Clusters(const Model& model, Plate& plate, double atol, double rtol)
+Clusters::Clusters(const Model& model, Plate& plate, const Tolerances& tolerances)
     : model_(model), scene_(model.scene()), plate_(plate), n_(scene_.n), reach_(scene_.order / 2),
       dof_(model.dof()), ring_(scene_.ring()), both_sides_(scene_.friction.back_slip), halts_(halts(scene_)),
-      steps_(model, atol, rtol),
+      steps_(model, tolerances),
       resting_(model, [this](PetscInt i, double s) { return steps_.threshold(i, s); }), psi_(n_),
       direction_(n_, 0), owner_(n_, -1), coefficients_(kernel::coefficients_with(scene_, 1)),
       links_(links_along(scene_, 0, n_)), psi_rate_(model.viscous() ? n_ : 0),

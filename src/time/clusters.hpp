@@ -53,7 +53,7 @@ class Clusters : public MediumNow {
 
   // The model and the plate, whose clock it keeps where that halts, must outlive it. Then one of: start() at
   // u; archive() of a checkpoint, with the plate as it was then.
-  Clusters(const Model& model, Plate& plate, double atol, double rtol);
+  Clusters(const Model& model, Plate& plate, const Tolerances& tolerances);
   ~Clusters() override;
   void start(Vec u, double t);
   // What goes on from a checkpoint goes on to the last bit: each cluster stands at its own time, and its step

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
 #include "time/choice.hpp"
@@ -83,21 +85,70 @@ PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscB
   });
 }
 
+// What an equation is off by, over what it may be off by: the largest of all nodes. A residual, in psi's row
+// shift psi - A (eta - B psi - F) and more, is counted by the change of its unknown that it stands for,
+// against scale and size of that; where friction goes by ln psi also by what this change makes of F, since
+// there a psi far below its scale is as much as any. What a residual is rounded by is no error. Collective.
+double Equations::largest_miss(Vec u, Vec residual) const {
+  const Scales& scales = tolerances_.scales;
+  const double target = target_, shift = std::abs(last_shift_);
+  const int dof = model_.dof();
+  const bool massless = model_.scene().massless();
+  double largest = 0;
+  {
+    const Reading values(u), rows(residual);
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      const double *const at = values + i * dof, *const r = rows + i * dof;
+      const double psi = std::abs(at[0]), off = std::abs(r[0]);
+      const double A = massless ? 0 : model_.coefficients(i).A;
+      double slope = shift, of_force = 0, size = shift * psi + A * std::abs(at[1]);
+      if (model_.friction_law(i).steep && !massless && !model_.held(model_.first() + i)) {
+        const Partials p = model_.friction(i, at[0], dof == 3 ? at[2] : 0);
+        slope += A * std::max(p.F_psi, 0.);
+        size += A * std::abs(p.F);
+        of_force = off * std::abs(p.F_psi) /
+                   (slope * target * (scales.eta + std::abs(p.F)) + 1e-15 * size * std::abs(p.F_psi));
+      }
+      const double of_psi = off / (slope * target * (scales.psi + psi) + 1e-15 * size);
+      const double of_eta = std::abs(r[1]) / (shift * target * (scales.eta + std::abs(at[1])));
+      const double of_state =
+          dof < 3 ? 0 : std::abs(r[2]) / (shift * kernel::allowed_of_state(target, scales, at[2]));
+      for (const double miss : {of_psi, of_force, of_eta, of_state})
+        if (!(miss <= largest)) largest = miss;  // NaN stays
+      if (std::isnan(largest)) break;
+    }
+  }
+  return largest_over(model_.comm(), std::isnan(largest) ? HUGE_VAL : largest);
+}
+
 // The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a
 // round with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so
 // slowly that this pays.
-PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscReal x, PetscReal step,
-                                             PetscReal residual, SNESConvergedReason* reason, void* context) {
+PetscErrorCode Equations::Converged(SNES snes, PetscInt round, PetscReal x, PetscReal step,
+                                    PetscReal residual, SNESConvergedReason* reason, void* context) {
   return guarded([&] {
     auto& self = *static_cast<Equations*>(context);
-    SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
-    const double before = std::exchange(self.last_residual_, residual);
-    if (*reason || round == 0) return;
-    PetscReal target;
-    SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
+    double miss;
+    if (self.as_user_has_it_) {
+      PetscReal target;
+      SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
+      SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
+      miss = residual / target;
+      if (*reason || round == 0) return;
+    } else {
+      *reason = std::isfinite(residual) ? SNES_CONVERGED_ITERATING : SNES_DIVERGED_FNORM_NAN;
+      if (*reason || round == 0) return;  // the shift comes with the Jacobian
+      Vec u, f;
+      SS_TRY(SNESGetSolution(snes, &u));
+      SS_TRY(SNESGetFunction(snes, &f, nullptr, nullptr));
+      miss = self.largest_miss(u, f);
+      if (miss <= 1) *reason = SNES_CONVERGED_FNORM_ABS;
+    }
+    const double before = std::exchange(self.last_miss_, miss);
+    if (*reason || round == 1 || !self.shares_jacobian_) return;
     // with an old one that cost what a new one does
     const double rounds = self.implicit_ == Implicit::both ? 8 : 4;
-    if (!(residual * std::pow(residual / before, rounds) < target)) SS_TRY(SNESSetLagJacobian(snes, -2));
+    if (!(miss * std::pow(miss / before, rounds) < 1)) SS_TRY(SNESSetLagJacobian(snes, -2));
   });
 }
 
@@ -109,7 +160,7 @@ void Equations::begin_step(TS ts) {
   SS_TRY(SNESSetLagJacobian(snes, -2));  // at the next round of Newton's method, which keeps it from then on
 }
 
-void Equations::attach(TS ts, MethodKind kind, double tolerance, const std::string& prefix) {
+void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
   // PETSc from 3.20 on takes an IMEX method without explicit part for one of equations with algebraic ones, and solves at
   // each restart for a slope, with this SNES, its step and its Jacobian: so there is one, of zeros.
   if (implicit_ != Implicit::both || kind == MethodKind::imex)
@@ -125,19 +176,21 @@ void Equations::attach(TS ts, MethodKind kind, double tolerance, const std::stri
     SS_TRY(SNESSetType(snes, SNESKSPONLY));
   } else {
     shares_jacobian_ = kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
-    set_newton(snes, shares_jacobian_, tolerance);
+    set_newton(snes, prefix);
   }
   SS_TRY(SNESGetKSP(snes, &ksp));
   set_linear_solver(ksp);
 }
 
-void Equations::set_newton(SNES snes, bool shares_jacobian, double tolerance) {
-  // Well below the error allowed a step, whose size the first residual has; Newton's last round squares it.
-  SS_TRY(SNESSetTolerances(snes, 1e-14, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
+void Equations::set_newton(SNES snes, const std::string& prefix) {
+  const PetscInt most_rounds = model_.friction_law(0).steep ? 100 : 30;  // over hundreds of decades of psi
+  SS_TRY(SNESSetTolerances(snes, 1e-14, 1e-13, 1e-13, most_rounds, 10000));
   SNESLineSearch search;
   SS_TRY(SNESGetLineSearch(snes, &search));
   SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
-  if (shares_jacobian) SS_TRY(SNESSetConvergenceTest(snes, ConvergedOrRefresh, this, nullptr));
+  for (const char* own : {"snes_rtol", "snes_atol", "snes_stol"})
+    as_user_has_it_ = as_user_has_it_ || user_set(prefix, own);
+  SS_TRY(SNESSetConvergenceTest(snes, Converged, this, nullptr));
 }
 
 void Equations::set_linear_solver(KSP ksp) const {

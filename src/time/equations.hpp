@@ -16,9 +16,14 @@ class Equations {
   Equations(const Equations&) = delete;
   Equations& operator=(const Equations&) = delete;
 
-  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. `tolerance`: of a step.
-  // This object must outlive `ts`. Collective.
-  void attach(TS ts, MethodKind kind, double tolerance, const std::string& prefix);
+  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. This object must outlive
+  // `ts`. Collective.
+  void attach(TS ts, MethodKind kind, const std::string& prefix);
+  // Its equations are solved to `target`, in parts of the scales and values.
+  void solve_to(const Tolerances& tolerances, double target) {
+    tolerances_ = tolerances;
+    target_ = target;
+  }
 
   Implicit implicit() const { return implicit_; }
   bool has_implicit() const { return implicit_ != Implicit::none; }
@@ -36,9 +41,10 @@ class Equations {
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
   static PetscErrorCode TameStep(SNESLineSearch, Vec, Vec, PetscBool*, void*);
-  static PetscErrorCode ConvergedOrRefresh(SNES, PetscInt, PetscReal, PetscReal, PetscReal,
-                                           SNESConvergedReason*, void*);
-  void set_newton(SNES snes, bool shares_jacobian, double tolerance);
+  static PetscErrorCode Converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
+                                  void*);
+  double largest_miss(Vec u, Vec residual) const;
+  void set_newton(SNES snes, const std::string& prefix);
   void set_linear_solver(KSP ksp) const;
   Part explicit_part() const;
   Part implicit_part() const;
@@ -48,8 +54,11 @@ class Equations {
   MatHandle J_;
   std::vector<double> rates_;
   PetscInt stage_ = 0;            // under way
-  bool shares_jacobian_ = false;  // one for all stages of a step, see ConvergedOrRefresh
-  double last_shift_ = std::numeric_limits<double>::quiet_NaN(), last_residual_ = 0;
+  bool shares_jacobian_ = false;  // one for all stages of a step, see Converged
+  Tolerances tolerances_;
+  double target_ = 1e-9;
+  bool as_user_has_it_ = false;  // snes_rtol, ...
+  double last_shift_ = std::numeric_limits<double>::quiet_NaN(), last_miss_ = 0;
 };
 
 }  // namespace stickslip

@@ -103,6 +103,7 @@ TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticki
   solution_[0] = row_of(nullptr, of_g, s);
   solution_[1] = row_of(lacking(method).data(), of_g, s);
   if (method.embedded.empty()) return;
+  if (additive_) slaves_ = SlaveErrors(model.scene(), tiles_.places());
   std::vector<double> f = method.b, g = method.bt;
   for (int j = 0; j < s; ++j) f[j] -= method.embedded[j];
   for (int j = 0; j < s && additive_; ++j) g[j] -= method.embedded_t[j];
@@ -135,7 +136,7 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
         [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
         [&](const Tile& t) {
           kept.store(tiles_, t, slopes_from, others_ - 1);
-          tiles_.measure(t, error_, dt, norm, estimate, sums);
+          tiles_.measure(t, error_, dt, norm, estimate, sums, [&] { follow_force(t, dt); });
         });
   }
   const Model& model = tiles_.model();
@@ -191,7 +192,8 @@ long TiledStep::values_of(const Tile& t, int i, const Step& step, Range wide, Ra
     std::copy(at(t, 0, d, wide.begin), at(t, 0, d, wide.end), at(t, 1, d, wide.begin));  // a guess
   return solve_(t, {known_, stage.g, i > 0 ? stages_[i - 1].g : -1},
                 {at_stage(step, stage), step.dt * stage.diagonal,
-                 target_ > 0 ? target_ : step.norm.solver_target(), step.estimate},
+                 target_ > 0 ? target_ : step.norm.tolerances.solver_target(), step.norm.tolerances.scales,
+                 step.estimate},
                 wide.begin, wide.end);
 }
 
@@ -245,6 +247,16 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
           end - begin, tiles_.direction(begin), tiles_.number(begin)});
   for (PetscInt i = 0; i < end - begin && resists; ++i) f_eta[i] += K1_ * d2[i];
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
+}
+
+void TiledStep::follow_force(const Tile& t, double dt) const {
+  if (!slaves_.any()) return;
+  const PetscInt begin = t.own_begin, end = t.own_end;
+  const auto of = [&](int index, int d) { return d < tiles_.dof() ? at(t, index, d, begin) : nullptr; };
+  slaves_({of(1, 0), of(1, 2), tiles_.amplitude(begin), tiles_.direction(begin), of(0, 0), of(0, 1), of(0, 2),
+           dt * stages_.back().diagonal, end - begin, tiles_.number(begin)},
+          [&](PetscInt i) { return tiles_.model().coefficients(begin + i); });
+  tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, 0, 0, node) = 0; });
 }
 
 void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {

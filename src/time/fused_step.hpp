@@ -17,6 +17,7 @@
 #include "stickslip/model/model.hpp"
 #include "time/pointwise_solve.hpp"
 #include "numerics/stage_program.hpp"
+#include "time/slave_errors.hpp"
 #include "time/tile_kernels.hpp"
 #include "time/tiles.hpp"
 
@@ -92,6 +93,8 @@ class TiledStep : public StepTaker {
   void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
                      PetscInt end) const;
   void finish_explicit(const Tile& t, int slope, PetscInt begin, PetscInt end) const;
+  // What the errors in columns 0 are by SlaveErrors.
+  void follow_force(const Tile& t, double dt) const;
   // The coefficients at a stage, with the plate's velocity then.
   kernel::Coefficients at_stage(const Step& step, const Stage& stage) const;
   // psi of a held node stands, and in the continuum eta, which is output, does too.
@@ -112,6 +115,7 @@ class TiledStep : public StepTaker {
   PointwiseSolve solve_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
+  SlaveErrors slaves_;
 };
 
 }  // namespace stickslip

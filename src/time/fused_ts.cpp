@@ -116,7 +116,7 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   adaptive_ = kind && std::string(kind) != TSADAPTNONE;
   t_ = ts->ptime;
   dt_ = ts->time_step;
-  norm_ = {ts->atol, ts->rtol, adapt->wnormtype};
+  norm_ = {tolerances_, adapt->wnormtype};
   slopes_kept_ = keep_slopes_(ts->ptime + dt_ * (1 + 1e-12));
   if (slopes_kept_) make_slopes();
   outcome_ = step_->take(before_, dt_, norm_, adaptive_, ts->vec_sol, slopes_kept_ ? slopes_ : none,

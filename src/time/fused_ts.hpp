@@ -37,6 +37,7 @@ class FusedTs {
             std::function<bool(double until)> keep_slopes);
   // The last stage, where it is taken at the new u, leaves its slope in the Vec that this returns.
   void leave_slope_in(std::function<Vec()> slope) { slope_at_end_ = std::move(slope); }
+  void weigh_errors_by(const Tolerances& tolerances) { tolerances_ = tolerances; }
   void set_direction(const std::vector<double>& direction) { step_->set_direction(direction); }
   bool last_is_solution() const { return step_->last_is_solution(); }
 
@@ -71,6 +72,7 @@ class FusedTs {
   bool adaptive_ = false;
   bool slopes_kept_ = false;  // those of the last step
   double t_ = 0, dt_ = 0;     // of the last step: where it begins, its length
+  Tolerances tolerances_;
   ErrorNorm norm_{};
 };
 

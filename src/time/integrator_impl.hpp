@@ -26,8 +26,12 @@ struct Integrator::Impl {
   TsHandle ts;
   FusedTs* fused = nullptr;  // what takes the steps, where PETSc's own types do not
   const Method* method = nullptr;
+  Tolerances tolerances;
   bool adaptive = false;
   double fixed_dt = 0;  // where it is not
+  double floor = 0;           // ts_adapt_dt_min
+  bool clock_limits = false;  // and no step of its own is shorter than the round-off of the time
+  int steps_at_floor = 0;     // one after the other
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
   ShorterStep shorter;                 // in place of polynomials where these mean nothing
@@ -52,7 +56,8 @@ struct Integrator::Impl {
   void set_subtype(const std::string& type, const std::string& name) const;
   void check_subtype_option(const std::string& type) const;
   std::string subtype_now(const std::string& type) const;
-  double strictest_tolerance(const MethodSpec& spec) const;
+  Tolerances tolerances_of(const MethodSpec& spec) const;
+  void set_tolerances(const Tolerances& given);
   void set_step_control(const MethodSpec& spec, const Rates& rates) const;
   bool will_fuse(const Choice& choice) const;
   void fuse(const Choice& choice);
@@ -78,6 +83,7 @@ struct Integrator::Impl {
   [[noreturn]] void fail(TSConvergedReason reason) const;
   void begin_step();
   void narrow_errors();
+  void set_floor() const;
   void after_step();
   void check_floor(const Step& step);
   Step step_now();

@@ -6,6 +6,7 @@
 
 #include "base/failure.hpp"
 #include "options/library_names.hpp"
+#include "options/values.hpp"
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/fused_ts.hpp"
@@ -184,6 +185,8 @@ MethodSpec MethodSpec::from(const Options& options) {
   MethodSpec spec;
   spec.implicit = options.text("imex_implicit");
   spec.fused = options.boolean("rk_fused");
+  if (const std::string atol = options.text("ts_atol"); atol.rfind("auto:", 0) == 0)
+    spec.parts = *parse_number(atol.substr(5));
   return spec;
 }
 

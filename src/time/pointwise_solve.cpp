@@ -46,6 +46,7 @@ long PointwiseSolve::solve(const Tile& t, const Where& where, const Asked& asked
   s.g_state = state(where.slope);
   s.h = asked.h;
   s.target = asked.target;
+  s.scales = asked.scales;
   s.strict = asked.strict;
   s.held = held;
   s.count = end - begin;

@@ -20,8 +20,9 @@ class PointwiseSolve {
   struct Asked {
     const kernel::Coefficients& c;
     double h;
-    double target;  // of the residual, against 1 + |psi|
-    bool strict;    // only by the root that the step leads to
+    double target;         // of the residual, against the scale of psi and |psi|
+    const Scales& scales;
+    bool strict;           // only by the root that the step leads to
   };
   // On [begin, end); psi of held nodes stands. Returns how many nodes are left unsolved.
   long operator()(const Tile& t, const Where& where, const Asked& asked, PetscInt begin, PetscInt end) const;

@@ -7,6 +7,7 @@
 #include <petscdmshell.h>
 
 #include "base/failure.hpp"
+#include "base/local_values.hpp"
 #include "time/integrator_impl.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
@@ -14,8 +15,6 @@
 namespace stickslip {
 
 namespace {
-constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
-
 // The norm in which the error of a step is kept below its tolerance, where the user names none: PETSc's mean
 // over all unknowns, but with friction that sticks exactly, and without mass where friction is steep at rest,
 // the largest. There mostly a few blocks move while the others rest or creep and err by nothing, and the mean
@@ -56,17 +55,17 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   equations = std::make_unique<Equations>(model, choice.implicit);
   const bool asks_no_solver = will_fuse(choice);  // nor a matrix, which would be most of the run's memory
   const MethodKind kind = asks_no_solver ? MethodKind::explicit_ : offered_type(choice.type).kind;
-  equations->attach(ts, kind, strictest_tolerance(spec), prefix);
+  equations->attach(ts, kind, prefix);
   set_step_control(spec, rates);
   {
     const UsualNorm norm(model, prefix);
     SS_TRY(TSSetFromOptions(ts));
   }
   // What the method was given overrides the options of PETSc.
-  if (spec.tolerance > 0) SS_TRY(TSSetTolerances(ts, spec.tolerance, nullptr, spec.tolerance, nullptr));
   if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));
   SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
   if (asks_no_solver) fuse(choice);
+  set_tolerances(tolerances_of(spec));
   SS_TRY(TSSetUp(ts));
   method = &offered_method(choice.type, subtype_now(choice.type));
   if (!fused && choice.type == TSROSW && model.scene().load.varies()) {
@@ -81,6 +80,36 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   if (!fused && (guard.undoes() || dense || stick || shorter.may_be_asked())) kept = model.create_vector();
   advance.report.method = method->name();
   advance.report.implicit = choice.implicit;
+}
+
+// As given with the method, else as the options say.
+Tolerances Integrator::Impl::tolerances_of(const MethodSpec& spec) const {
+  const Scales scales = scales_of(model.scene());
+  if (spec.tolerance > 0) return Tolerances::automatic(scales, spec.tolerance, spec.tolerance);
+  double absolute, relative;
+  SS_TRY(TSGetTolerances(ts, &absolute, nullptr, &relative, nullptr));
+  return user_set(prefix, "ts_atol") ? Tolerances::as_set(scales, relative, absolute)
+                                     : Tolerances::automatic(scales, relative, spec.parts);
+}
+
+// Also those of the library's own types, which weigh by vectors what differs from unknown to unknown.
+void Integrator::Impl::set_tolerances(const Tolerances& given) {
+  tolerances = given;
+  equations->solve_to(given, given.solver_target());
+  if (fused) fused->weigh_errors_by(given);
+  SS_TRY(TSSetTolerances(ts, given.absolute[0], nullptr, given.relative[0], nullptr));
+  const bool alike = given.absolute[1] == given.absolute[0] && given.relative[2] == given.relative[0] &&
+                     given.absolute[2] == given.absolute[0];
+  if (FusedTs::of(ts) || alike) return;
+  const VecHandle absolute = model.create_vector(), relative = model.create_vector();
+  {
+    const Writing a(absolute), r(relative);
+    for (PetscInt i = 0; i < model.local() * model.dof(); ++i) {
+      a[i] = given.absolute[i % model.dof()];
+      r[i] = given.relative[i % model.dof()];
+    }
+  }
+  SS_TRY(TSSetTolerances(ts, PETSC_DECIDE, absolute, PETSC_DECIDE, relative));
 }
 
 void Integrator::Impl::create_ts(Vec u) {
@@ -130,24 +159,13 @@ std::string Integrator::Impl::subtype_now(const std::string& type) const {
   return std::to_string(order);
 }
 
-double Integrator::Impl::strictest_tolerance(const MethodSpec& spec) const {
-  double tolerance = spec.tolerance > 0 ? std::min(default_tolerance, spec.tolerance) : default_tolerance;
-  for (const char* option : {"-ts_rtol", "-ts_atol"}) {
-    PetscReal value;
-    PetscBool set;
-    SS_TRY(PetscOptionsGetReal(nullptr, prefix.c_str(), option, &value, &set));
-    if (set) tolerance = std::min(tolerance, double(value));
-  }
-  return tolerance;
-}
-
 void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rates) const {
   if (spec.step > 0) {
     TSAdapt adapt;
     SS_TRY(TSGetAdapt(ts, &adapt));
     SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
   }
-  SS_TRY(TSSetTolerances(ts, default_tolerance, nullptr, default_tolerance, nullptr));
+  SS_TRY(TSSetTolerances(ts, Tolerances::usual, nullptr, Tolerances::usual, nullptr));
   SS_TRY(TSSetTimeStep(ts, rates.first_step()));
 }
 
@@ -193,7 +211,12 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
   }
   adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
   guard.set_up(ts, method->type, adaptive);
-  if (!adaptive) return warn_of_fixed_step(step_given);
+  if (!adaptive) {  // there is no tolerance: what the steps err by is all theirs
+    equations->solve_to(tolerances, 1e-11);
+    return warn_of_fixed_step(step_given);
+  }
+  SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
+  clock_limits = model.friction_law(0).steep;
   allow_rejections();
   refuse_below_round_off(u);
 }
@@ -242,8 +265,8 @@ void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
 // Steps would shrink until time stands still.
 void Integrator::Impl::refuse_below_round_off(Vec u) const {
   constexpr double least = 1e-17;
-  PetscReal atol, rtol, size;
-  SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
+  PetscReal size;
+  const double rtol = tolerances.relative[0], atol = tolerances.absolute[0];
   if (rtol >= least) return;
   SS_TRY(VecNorm(u, NORM_INFINITY, &size));
   size = std::max(size, std::abs(model.scene().v));

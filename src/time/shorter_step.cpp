@@ -46,21 +46,21 @@ bool ShorterStep::is_stiff(Vec before, Vec after, double dt) {
 }
 
 // Where a shorter step has no solution although the step had one, what is left is the line between its ends.
-void ShorterStep::take(Vec before, Vec after, double t, double dt, double s, double atol, double rtol,
+void ShorterStep::take(Vec before, Vec after, double t, double dt, double s, const Tolerances& tolerances,
                        Vec into) {
-  if (fused_ ? fused_->shorter(s, into) : take_by_library(before, t, s * dt, atol, rtol, into)) return;
+  if (fused_ ? fused_->shorter(s, into) : take_by_library(before, t, s * dt, tolerances, into)) return;
   SS_TRY(VecCopy(before, into));
   SS_TRY(VecAXPBY(into, s, 1 - s, after));
 }
 
-bool ShorterStep::take_by_library(Vec before, double t, double length, double atol, double rtol, Vec u) {
+bool ShorterStep::take_by_library(Vec before, double t, double length, const Tolerances& tolerances, Vec u) {
   SS_TRY(VecCopy(before, u));
   if (!own_) {
     MethodSpec spec = spec_;
     if (!adaptive_) spec.step = length;
     own_ = std::make_unique<Integrator>(model_, spec, u, "between_");
   }
-  SS_TRY(TSSetTolerances(own_->ts(), atol, nullptr, rtol, nullptr));
+  own_->set_tolerances(tolerances);
   SS_TRY(TSSetTimeStep(own_->ts(), length));
   const double time = model_.time();
   bool done = true;

@@ -26,13 +26,14 @@ class ShorterStep {
 
   void forget() { looked_ = false; }  // a new step
   bool is_stiff(Vec before, Vec after, double dt);
-  // u at the part s of the step from `before` at the time t to `after`; `atol`, `rtol`: of the steps.
+  // u at the part s of the step from `before` at the time t to `after`; `tolerances`: of the steps.
   // Collective.
-  void take(Vec before, Vec after, double t, double dt, double s, double atol, double rtol, Vec into);
+  void take(Vec before, Vec after, double t, double dt, double s, const Tolerances& tolerances,
+            Vec into);
 
  private:
   double rate(Vec u) const;
-  bool take_by_library(Vec before, double t, double length, double atol, double rtol, Vec u);
+  bool take_by_library(Vec before, double t, double length, const Tolerances& tolerances, Vec u);
 
   const Model& model_;
   FusedTs* fused_ = nullptr;

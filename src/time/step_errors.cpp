@@ -10,13 +10,13 @@ namespace stickslip {
 StepErrors::StepErrors()
     : square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})) {}
 
-void StepErrors::add(const double* u, const double* errors, PetscInt count, const ErrorNorm& norm,
-                     bool estimate, Sums& sums) const {
+void StepErrors::add(int unknown, const double* u, const double* errors, PetscInt count,
+                     const ErrorNorm& norm, bool estimate, Sums& sums) const {
+  const double atol = norm.tolerances.absolute[unknown], rtol = norm.tolerances.relative[unknown];
   if (estimate && norm.type != NORM_INFINITY) {
-    sums.squares += square_({u, errors, norm.atol, norm.rtol, count});
+    sums.squares += square_({u, errors, atol, rtol, count});
     return;
   }
-  const double atol = norm.atol, rtol = norm.rtol;
   double not_finite = sums.not_finite, largest = sums.largest;
   for (PetscInt i = 0; i < count; ++i) not_finite += u[i] - u[i];
   for (PetscInt i = 0; i < count && estimate; ++i) {

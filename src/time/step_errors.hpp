@@ -15,9 +15,10 @@ class StepErrors {
     double unsolved = 0;  // equations without a solution
   };
   StepErrors();
-  // Adds `count` new values u with their errors; without an estimate only whether they are finite.
-  void add(const double* u, const double* errors, PetscInt count, const ErrorNorm& norm, bool estimate,
-           Sums& sums) const;
+  // Adds `count` new values u of an unknown (psi 0, eta 1, the state 2) with their errors; without an
+  // estimate only whether they are finite.
+  void add(int unknown, const double* u, const double* errors, PetscInt count, const ErrorNorm& norm,
+           bool estimate, Sums& sums) const;
   // Over all ranks, of so many unknowns. Collective.
   static StepTaker::Outcome over_ranks(MPI_Comm comm, const Sums& sums, const ErrorNorm& norm, bool estimate,
                                        double unknowns);

@@ -1,21 +1,17 @@
 // What takes a whole step of a method for the types of TS of fused_ts.hpp.
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
+#include "stickslip/time/tolerances.hpp"
 
 namespace stickslip {
 
-// How errors are weighed: |error_i|/(atol + rtol |u_i|), root mean square or the largest.
+// How errors are weighed: |error_i|/(absolute + relative |u_i|), root mean square or the largest.
 struct ErrorNorm {
-  double atol, rtol;
+  Tolerances tolerances;
   NormType type;
-
-  // To which implicit equations are solved, far below what a step may err by; at least to near round-off.
-  static constexpr double least_target = 1e-14;
-  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), least_target, 1e-9); }
 };
 
 class StepTaker {

@@ -201,13 +201,13 @@ void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(cons
 }
 
 void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
-                    StepErrors::Sums& sums) const {
+                    StepErrors::Sums& sums, const std::function<void()>& refine) const {
   const PetscInt at = t.own_begin - t.from, count = t.own_end - t.own_begin;
-  for (int d = 0; d < dof_; ++d) {
-    double* const e = column(0, d);  // u itself is not needed any more
-    if (estimate) sum(t, d, zeros(), error, dt, t.own_begin, t.own_end, e);
-    errors_.add(column(1, d) + at, e + at, count, norm, estimate, sums);
-  }
+  for (int d = 0; d < dof_ && estimate; ++d)  // u itself is not needed any more
+    sum(t, d, zeros(), error, dt, t.own_begin, t.own_end, column(0, d));
+  if (estimate) refine();
+  for (int d = 0; d < dof_; ++d)
+    errors_.add(d, column(1, d) + at, column(0, d) + at, count, norm, estimate, sums);
 }
 
 }  // namespace stickslip

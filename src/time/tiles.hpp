@@ -91,8 +91,9 @@ class Tiles {
 
   // ---- over a step: what the new values err by ----
   // The new u stands in columns 1; columns 0 are used up. `estimate` false: only whether it is finite.
+  // `refine`: what is made of the errors in columns 0.
   void measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
-               StepErrors::Sums& sums) const;
+               StepErrors::Sums& sums, const std::function<void()>& refine) const;
 
  private:
   const double* at(const std::vector<double>& list, PetscInt node) const {

@@ -61,9 +61,7 @@ void Integrator::Impl::narrow_errors() {
     no_part = model.create_vector();
   }
   Vec u;
-  double atol, rtol;
   SS_TRY(TSGetSolution(ts, &u));
-  SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
   const double usual = s.v != 0 ? std::abs(s.v) : 1;
   const int dof = model.dof();
   {
@@ -73,11 +71,11 @@ void Integrator::Impl::narrow_errors() {
       const double *const at = a + i * dof, state = dof == 3 ? at[2] : 0;
       double* const of = into + i * dof;
       of[0] = 0;  // psi is no unknown
-      for (int d = 1; d < dof; ++d) of[d] = atol + rtol * std::abs(at[d]);
+      for (int d = 1; d < dof; ++d) of[d] = tolerances.absolute[d] + tolerances.relative[d] * std::abs(at[d]);
       if (s.held(model.first() + i)) continue;
       const double size = std::abs(at[0]), from = std::max(size, usual);
       const Partials p = model.friction(i, from, state);
-      const double eta = rtol * (s.B() * size + from * p.F_psi);
+      const double eta = tolerances.relative[0] * (s.B() * size + from * p.F_psi);
       of[1] = std::min(of[1], eta);
       if (dof == 3) of[2] = std::min(of[2], eta / std::abs(p.F_state));
     }
@@ -96,6 +94,7 @@ void Integrator::Impl::begin_step() {
   guard.begin_step(ts);
   equations->begin_step(ts);
   narrow_errors();
+  if (clock_limits) set_floor();
   // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall
   // in.
   const bool may_need_it = dense || shorter.may_be_asked();
@@ -105,6 +104,18 @@ void Integrator::Impl::begin_step() {
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
   SS_TRY(VecCopy(u, kept));
+}
+
+// A shorter step than the round-off of the time says no more of when: where ln psi falls by decades at once,
+// as a slip comes to rest, errors ask for it. At its floor a step is taken whatever its error.
+void Integrator::Impl::set_floor() const {
+  constexpr double clock = 16 * std::numeric_limits<double>::epsilon();
+  TSAdapt adapt;
+  double longest;
+  SS_TRY(TSGetAdapt(ts, &adapt));
+  SS_TRY(TSAdaptGetStepLimits(adapt, nullptr, &longest));
+  SS_TRY(TSAdaptSetStepLimits(adapt, std::min(std::max(floor, clock * std::abs(advance.t_before)), longest),
+                              longest));
 }
 
 void Integrator::Impl::after_step() {
@@ -134,17 +145,25 @@ void Integrator::Impl::after_step() {
 }
 
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
-// that this one's error was at the tolerance or beyond.
+// that this one's error was at the tolerance or beyond. At the floor that the clock sets this is so while a
+// slip comes to rest, but not for long.
 void Integrator::Impl::check_floor(const Step& step) {
   if (!adaptive) return;
+  constexpr int most = 1000;
   TSAdapt adapt;
-  double floor;
+  double least;
   SS_TRY(TSGetAdapt(ts, &adapt));
-  SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
-  const double reach = floor * (1 + 1e-7);
+  SS_TRY(TSAdaptGetStepLimits(adapt, &least, nullptr));
+  const double reach = least * (1 + 1e-7);
   // close to the end steps are cut to hit it
-  if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= advance.t_end) return;
+  const bool at_floor = !(step.t - step.t_before > reach || step.next_dt > reach ||
+                          step.t + 2 * reach >= advance.t_end);
+  steps_at_floor = at_floor ? steps_at_floor + 1 : 0;
+  if (!at_floor || (least > floor && steps_at_floor < most)) return;
   advance.report.t = advance.t_before;
+  if (least > floor)
+    throw failure("the step has shrunk to nothing at t = {} (step {}); loosen ts_rtol and ts_atol",
+                  number_text(step.t), step.index);
   throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) +
                 " at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
                 ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
@@ -206,10 +225,8 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   const bool has_begin = fused || has_kept;
   if (dense && !has_begin) throw std::logic_error("interpolation at a time that was not announced");
   if (has_begin && shorter.is_stiff(before(), u, dt)) {
-    double atol, rtol;
     if (stick) stick->engage();
-    SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
-    shorter.take(before(), u, advance.t_before, dt, part, atol, rtol, into);
+    shorter.take(before(), u, advance.t_before, dt, part, tolerances, into);
   } else if (dense) {
     if (stick) stick->engage();
     dense->interpolate(before(), u, advance.t_before, dt, part, into);
@@ -373,6 +390,8 @@ std::string Integrator::interpolation_caveat() const {
          ", but values between its steps (frames, measurements) have order 4; steps and the end are not "
          "affected";
 }
+const Tolerances& Integrator::tolerances() const { return impl_->tolerances; }
+void Integrator::set_tolerances(const Tolerances& tolerances) { impl_->set_tolerances(tolerances); }
 bool Integrator::adaptive() const { return impl_->adaptive; }
 const Method& Integrator::method() const { return *impl_->method; }
 TS Integrator::ts() const { return impl_->ts; }

@@ -19,7 +19,7 @@ namespace stickslip {
 
 struct Setting {
   MethodSpec method;
-  double tolerance = 1e-6;  // ts_rtol = ts_atol: relative, and in the units of psi and eta
+  double tolerance = 1e-6;  // of a step: relative, and in parts of the scene's scales (scales.hpp)
   double step = 0;          // ts_dt of a method without an error estimate, in units of time
   int order = 4;            // of the second difference in space
   PetscInt n = 0;           // nodes

@@ -52,7 +52,8 @@ struct MethodSpec {
   std::string type;               // "": chosen for the scene, or as ts_type says
   std::string subtype;            // "": there is none, or PETSc's default
   std::string implicit = "auto";  // of an IMEX method, as imex_implicit says it
-  double tolerance = 0;           // relative and absolute, of a step; 0: as ts_rtol and ts_atol say
+  double tolerance = 0;           // of a step, relative and in parts of the scene's scales; 0: as set
+  double parts = 1e-6;            // the latter, where tolerance is 0 and ts_atol no number
   double step = 0;                // of fixed steps; 0: chosen by the method's estimate, or as ts_dt says
   bool fused = true;              // rk takes its stages tile by tile (rk_fused)
 

@@ -28,6 +28,7 @@
 
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/methods.hpp"
+#include "stickslip/time/tolerances.hpp"
 
 namespace stickslip {
 
@@ -101,6 +102,8 @@ class Integrator {
   // excepted, where it has order 4: interpolation_caveat() then says so ("" otherwise).
   int interpolation_order() const;
   std::string interpolation_caveat() const;
+  const Tolerances& tolerances() const;
+  void set_tolerances(const Tolerances& tolerances);
   bool adaptive() const;  // does an error estimate choose the steps?
   const Method& method() const;
   TS ts() const;

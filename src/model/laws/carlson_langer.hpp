@@ -49,6 +49,7 @@ struct CarlsonLanger {
     const Real w = 1 / (1 + weakening * a.value), k = kinetic * w;
     return {s.value * k, (s.slope - s.value * weakening * a.slope * w) * k};
   }
+  LawScales scales() const { return {alpha > 0 ? (1 - sigma) / (2 * alpha) : 0, 1, 1}; }
   SlopeBounds slope_bounds() const { return {2 * alpha, 0}; }  // at the start of a slip
   double velocity_of_slope(double slope) const {
     return (std::sqrt(2 * alpha / -slope) - 1) * (1 - sigma) / (2 * alpha);

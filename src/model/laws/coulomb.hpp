@@ -30,6 +30,7 @@ struct Coulomb {
                        number_text(fs));
   }
 
+  LawScales scales() const { return {0, fs, 1}; }
   double threshold() const { return fs; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {

@@ -19,6 +19,7 @@ struct Dahl : OfBristles<Dahl> {
     if (fc == 0)
       throw UsageError("-friction_fc 0: above 0 with this law, or the bristles have no deflection");
   }
+  LawScales scales() const { return {0, fc, fc / sigma0, fc / sigma0}; }
   template <class Real>
   WithSlopeOf<Real> largest(Real) const {
     return {fc / sigma0, 0.};

@@ -23,6 +23,7 @@ struct Dieterich {
             {&L::psi0, {"psi0", "1", R::positive, "velocity", ""}}};
   }
 
+  LawScales scales() const { return {0, mu0 > a ? mu0 : a, 1}; }
   template <class Real>
   PartialsOf<Real> partials(Real psi, Real s) const {
     using elementary::log;

@@ -66,6 +66,10 @@ struct OfDirectEffect {
     const L& law = static_cast<const L&>(*this);
     return DirectEffect{law.a, law.psi0}.partials(psi, law.exponent(s), Real(law.evolution(s)));
   }
+  LawScales scales() const {
+    const L& law = static_cast<const L&>(*this);
+    return {0, law.mu0 > law.a ? law.mu0 : law.a, 1};
+  }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
     const L& law = static_cast<const L&>(*this);
     const Partials p = partials(psi, s);

@@ -61,6 +61,7 @@ struct LuGre : OfBristles<LuGre> {
     if (fc == 0)
       throw UsageError("-friction_fc 0: above 0 with this law, or the bristles have no deflection at speed");
   }
+  LawScales scales() const { return {vs, fs > fc ? fs : fc, fc / sigma0, fc / sigma0}; }
   template <class Real>
   WithSlopeOf<Real> largest(Real psi) const {
     const WithSlopeOf<Real> fall = stribeck_fall(psi, vs, 2);

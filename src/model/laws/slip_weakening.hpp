@@ -53,6 +53,7 @@ struct SlipWeakening {
                        number_text(fs));
   }
 
+  LawScales scales() const { return {0, fs, Dc, Dc}; }
   double threshold() const { return 1; }  // in units of factor()
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {

@@ -45,6 +45,7 @@ struct Stribeck {
                        ": at least 1, below it friction is infinitely steep at rest");
   }
 
+  LawScales scales() const { return {vs, fs > fc ? fs : fc, 1}; }
   double threshold() const { return fs; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {

@@ -40,6 +40,7 @@ struct MeasuredCurve {
     return false;
   }
 
+  LawScales scales() const { return curve->scales(); }
   double threshold() const { return curve->threshold(); }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {

@@ -21,6 +21,7 @@ struct Tanh {
     const Real t = tanh(psi / vs);
     return {fc * t, fc * (1 - t * t) / vs};
   }
+  LawScales scales() const { return {vs, fc > 0 ? fc : 1, 1}; }
   SlopeBounds slope_bounds() const { return {0, fc / vs}; }  // at rest
 };
 

@@ -1,0 +1,32 @@
+// What a velocity, a force and a state of a scene are measured by: a difference is small where it is small
+// against these, whatever units the scene is written in.
+//
+//     psi     the least of: five times the largest velocity of the plate (of a held end, where the plate
+//             stands); the law's own velocity (vs of stribeck, 1 of the cubic); sqrt(A/K0) = f0/sqrt(k0 m)
+//             times the scale of eta, the velocity that such a force gives to a mass on a spring (1/B
+//             without mass; k1 where k0 is 0); and sqrt(A K0) times the law's own length (Dc, fc/sigma0). A
+//             law without a velocity of its own has none to give: rate-and-state's psi0 says only where
+//             friction is mu0. 1 where there is none at all.
+//     eta     the law's own force (its threshold, mu0, 1 of the cubic), times the largest amplitude along x
+//             and the largest normal load
+//     state   that of the law (Dc, fc/sigma0); 1 where it is a strength, a factor of friction, or the
+//             logarithm of an age
+//
+// Powers of two in the units of length, time and force come out as such powers, to the last bit. Velocity;
+// force over the friction amplitude; the stored state. Nothing here communicates.
+#pragma once
+
+namespace stickslip {
+
+struct Scene;
+
+struct Scales {
+  double psi = 1, eta = 1, state = 1;
+  // The state is a logarithm, whose size says nothing: it changes with the unit of time.
+  bool state_is_logarithm = false;
+  double of(int component) const { return component == 0 ? psi : component == 1 ? eta : state; }
+};
+
+Scales scales_of(const Scene& scene);
+
+}  // namespace stickslip

@@ -1,0 +1,44 @@
+// What psi and the state err by in a step where friction goes by ln psi (laws that are `steep`), so that they
+// are slaves of the force.
+//
+// What a slave has been off by at the start of a step is gone after it, however short it is; an estimate e
+// that counts it asks for ever shorter steps in vain. So (L. F. Shampine and L. S. Baca, SIAM J. Numer. Anal.
+// 21 (1984) 736) the estimate goes through the equations of a stage, with h the step times their diagonal,
+//     x + h A [(B + F_psi) x + F_state y] = e_psi + h A e_eta,   y - h (g_psi x + g_state y) = e_state
+// which leaves e where friction is not stiff, and else says by how much psi has to differ for the force to be
+// that of eta.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "stickslip/model/scene.hpp"
+#include "time/tile_kernels.hpp"
+
+namespace stickslip {
+
+class SlaveErrors {
+ public:
+  SlaveErrors() = default;  // none
+  // Of nodes by their numbers.
+  SlaveErrors(const Scene& scene, const FrictionPlaces& places);
+
+  bool any() const { return bool(tangents_); }
+  struct Columns {
+    const double *psi, *state;            // the new values
+    const double *amplitude, *direction;  // as in kernel::Columns
+    double* of_psi;                       // errors, in and out
+    const double* of_eta;
+    double* of_state;
+    double h;
+    PetscInt count, number;  // number: of the first node
+  };
+  // `coefficients`: of the i-th of them.
+  void operator()(const Columns& c, const std::function<NodeCoefficients(PetscInt i)>& coefficients) const;
+
+ private:
+  tile::NodeTangents tangents_;
+  mutable std::vector<double> F_psi_, F_state_, g_psi_, g_state_;
+};
+
+}  // namespace stickslip
