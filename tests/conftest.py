@@ -4,6 +4,9 @@ import os
 import numpy as np
 import pytest
 
+if int(np.__version__.split(".")[0]) > 1:  # in a command line a number is 0.1, not np.float64(0.1)
+    np.set_printoptions(legacy="1.25")
+
 
 def pytest_addoption(parser):
     parser.addoption("--scenes", type=int, help="random scenes of each audit (else what it says itself, 20 or fewer)")

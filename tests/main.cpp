@@ -48,7 +48,8 @@ int main(int argc, char** argv) {
   if (SlepcInitialize(&one, &names, nullptr, nullptr)) return 1;
   stickslip::install_error_handler();
   Catch::Session session;
-  session.applyCommandLine(3, std::array<const char*, 3>{argv[0], "--order", "decl"}.data());  // on every rank
+  // on every rank the same
+  session.applyCommandLine(3, std::array<const char*, 3>{argv[0], "--order", "decl"}.data());
   int mine = session.run(argc, argv);
   int all = 0;
   MPI_Allreduce(&mine, &all, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);

@@ -43,8 +43,8 @@ void set_parameters() {
   setenv("HWLOC_COMPONENTS", "-linuxio,-pci", 0);  // no device is asked for
 }
 
-// While this lives, Open MPI's folders for temporary files lie in one that no other process knows. Where none can be
-// made, MPI finds its own or says why not.
+// While this lives, Open MPI's folders for temporary files lie in one that no other process knows. Where none
+// can be made, MPI finds its own or says why not.
 class OwnTemporaryFolder {
  public:
   OwnTemporaryFolder() {
@@ -70,7 +70,8 @@ class OwnTemporaryFolder {
   OwnTemporaryFolder& operator=(const OwnTemporaryFolder&) = delete;
 
  private:
-  static constexpr const char* names[] = {"OMPI_MCA_orte_tmpdir_base", "TMPDIR"};  // of Open MPI 4; of 5 and later
+  // of Open MPI 4; of 5 and later
+  static constexpr const char* names[] = {"OMPI_MCA_orte_tmpdir_base", "TMPDIR"};
   std::string folder_;
   std::optional<std::string> before_[std::size(names)];
 };
@@ -86,7 +87,8 @@ bool start_mpi(int& argc, char**& argv) {
   if (has_launcher()) return init(argc, argv);
   set_parameters();
   const char* isolated = std::getenv("OMPI_MCA_ess_singleton_isolated");
-  if (!isolated || isolated != std::string("1")) return init(argc, argv);  // beside a daemon, which needs the folder
+  // beside a daemon, which needs the folder
+  if (!isolated || isolated != std::string("1")) return init(argc, argv);
   const OwnTemporaryFolder folder;
   return init(argc, argv);
 }

@@ -44,7 +44,8 @@ class Libraries {
     install_error_handler();
     insert_library_options(options);
     SS_TRY(PetscOptionsSetValue(nullptr, "-no_signal_handler", "true"));
-    // what was left unused is said by this program, in its own words; names that a later release will drop hold here
+    // what was left unused is said by this program, in its own words; names that a later release will drop
+    // hold here
     if (!options.is_set("options_left")) SS_TRY(PetscOptionsSetValue(nullptr, "-options_left", "false"));
     PetscBool used;  // asked for only where there is one
     SS_TRY(PetscOptionsSetValue(nullptr, "-options_suppress_deprecated_warnings", "true"));

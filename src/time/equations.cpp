@@ -161,8 +161,9 @@ void Equations::begin_step(TS ts) {
 }
 
 void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
-  // PETSc from 3.20 on takes an IMEX method without explicit part for one of equations with algebraic ones, and solves at
-  // each restart for a slope, with this SNES, its step and its Jacobian: so there is one, of zeros.
+  // PETSc from 3.20 on takes an IMEX method without explicit part for one of equations with algebraic ones,
+  // and solves at each restart for a slope, with this SNES, its step and its Jacobian: so there is one, of
+  // zeros.
   if (implicit_ != Implicit::both || kind == MethodKind::imex)
     SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
   if (kind == MethodKind::explicit_) return;

@@ -339,8 +339,9 @@ void Integrator::Impl::fail(TSConvergedReason reason) const {
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
   if (const std::string lost = model.velocity_jump(u); !lost.empty()) throw Failure(lost + at);
-  throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) + " times (ts_max_reject)" +
-                at + (unsolved ? ": Newton's method fails in the implicit part" : "") +
+  throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) +
+                " times (ts_max_reject)" + at +
+                (unsolved ? ": Newton's method fails in the implicit part" : "") +
                 "; reduce ts_dt or loosen ts_rtol and ts_atol");
 }
 

@@ -43,6 +43,8 @@ def test_its_folder_is_its_own(tmp_path):
 
 
 def test_a_daemon_is_started_where_the_user_asks():
+    if "Open MPI v4." not in version().stdout:
+        return  # later releases start none
     assert version(OPAL_BINDIR="/nonexistent", OMPI_MCA_ess_singleton_isolated="0").returncode != 0
 
 
