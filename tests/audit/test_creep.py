@@ -75,7 +75,7 @@ def reference(p):
 
 
 def test_force_and_period(scenes):
-    for index, p in scenes(draw, 631, 6):
+    for index, p in scenes(draw, 631, 2):
         right = reference(p)
         if right is None:
             continue
