@@ -4,15 +4,13 @@
 
 #include <ctime>
 
+#include "base/shell_word.hpp"
 #include "revision.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
-namespace {
-
-// As a POSIX shell would need it typed.
-std::string quoted(const std::string& word) {
+std::string shell_word(const std::string& word) {
   const char* safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
   if (!word.empty() && word.find_first_not_of(safe) == std::string::npos) return word;
   std::string out = "'";
@@ -25,13 +23,15 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
+namespace {
+
 std::string noted_command_line;
 
 }  // namespace
 
 void note_command_line(int argc, char** argv) {
   noted_command_line.clear();
-  for (int k = 0; k < argc; ++k) noted_command_line += (k ? " " : "") + quoted(argv[k]);
+  for (int k = 0; k < argc; ++k) noted_command_line += (k ? " " : "") + shell_word(argv[k]);
 }
 
 std::string script_call(const std::string& name) {

@@ -5,6 +5,7 @@
 #include <csignal>
 
 #include "base/broadcast.hpp"
+#include "base/shell_word.hpp"
 #include "commands/run_session.hpp"
 #include "output/carried_frame.hpp"
 #include "output/series.hpp"
@@ -26,8 +27,13 @@ int Run::ending(Summary& summary) const {
       signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
   summary.stopped(why + checkpoint);
   if (!signal) summary.set("stopped_at", why);
+  const bool at_origin = origin_.resumed && time_report().t == origin_.t;
+  const std::string from =
+      last_checkpoint_.empty() && at_origin ? options_.text("restart") : last_checkpoint_;
+  // The checkpoint holds the limit that has been reached; a clock begins anew.
+  const std::string lifted = limit == "ts_max_steps" ? " -ts_max_steps unlimited" : "";
   summary.say(fmt::format("stopped at t = {:.6g} by {}; {}", time_report().t, why,
-                          !last_checkpoint_.empty() ? "to go on: stickslip run -restart " + last_checkpoint_
+                          !from.empty() ? "to go on: stickslip run -restart " + shell_word(from) + lifted
                           : file_ ? "there is no checkpoint to go on from (-out_checkpoint_every)"
                                   : "without -out_file there is no checkpoint to go on from"));
   return signal ? 128 + signal : 0;

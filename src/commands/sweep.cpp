@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "base/broadcast.hpp"
+#include "base/shell_word.hpp"
 #include "commands/sweep_session.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -149,7 +150,8 @@ void say_all(Summary& summary, const std::string& path) {
                       ? ""
                       : fmt::format("; a full grid has {} more", text("saved")),
                   summary.is_null("differing") ? "" : "; up and down differ at " + text("differing")));
-  if (summary.get<Json>("status") == "stopped") summary.say("to go on: stickslip sweep -restart " + path);
+  if (summary.get<Json>("status") == "stopped")
+    summary.say("to go on: stickslip sweep -restart " + shell_word(path));
 }
 
 // What all ranks are told of the result.

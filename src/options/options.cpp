@@ -26,15 +26,13 @@ void Options::set(const Given& given) {
         throw usage_error("-{}{}: needs a value, {}", spec->name, in_place(given.where), requirement(*spec));
       text = "true";
     }
-    if (takes_away(*spec, text)) {
+    const bool gone = takes_away(*spec, text);
+    if (!gone) check_value(*spec, text, given.where);
+    lines_[spec->name] = gone || given.where.find(':') == std::string::npos ? "" : given.where;
+    if (gone || (spec->type == OptionType::integer && is_word(*spec, text)))  // the latter: auto
       values_.erase(spec->name);
-      lines_.erase(spec->name);
-      return;
-    }
-    check_value(*spec, text, given.where);
-    values_[spec->name] = text;
-    lines_[spec->name] = given.where.find(':') == std::string::npos ? "" : given.where;
-    if (spec->type == OptionType::integer && is_word(*spec, text)) values_.erase(spec->name);  // auto
+    else
+      values_[spec->name] = text;
     return;
   }
   const std::string name = lower_case(given.name);
@@ -107,7 +105,15 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
     if (only_looks(name)) continue;
     merged.set({name, text, "the checkpoint"});
   }
-  for (const auto& [name, text] : given()) {
+  std::map<std::string, std::string> wishes = given();
+  for (const auto& [name, line] : lines_)  // a word has taken the others away
+    if (wishes.count(name) == 0) wishes[name] = find_option(name)->default_help;
+  for (const auto& [name, text] : wishes) {
+    const auto it = stored.find(name);
+    if (!is_set(name) && (may_differ(name) || it == stored.end())) {
+      merged.values_.erase(name);
+      continue;
+    }
     if (may_differ(name)) {
       if (find_option(name)) {
         merged.values_[name] = text;
@@ -116,7 +122,6 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
       }
       continue;
     }
-    const auto it = stored.find(name);
     if (it == stored.end() || it->second != text)
       throw usage_error(
           "-{} {}: a restart takes its settings from the checkpoint ({}); only ts_max_time, ts_max_steps, "

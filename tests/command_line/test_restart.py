@@ -2,6 +2,8 @@
 will not; checkpoints by the clock and by signals; what is refused, and with which words."""
 import glob
 import os
+import re
+import shlex
 import signal
 import subprocess
 import time
@@ -10,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import check, checkpoint_block, data, methods, refused, run, same, started
+from calls import PROGRAM, check, checkpoint_block, data, methods, ran, refused, run, same, started, words
 
 TINY = ("-grid_n 20 -grid_length 12 -init_type sine -ts_max_time 0.9 -out_frames 7 -out_probes 3,7.1 -ts_dt 0.02"
         " -ts_max_steps 40")
@@ -229,3 +231,96 @@ def test_a_finished_run_is_extended():
     for name in ("probes/t", "series/t"):
         check((np.diff(now[name]) > 0).all() and len(now[name]) == summary["steps"] + 1, f"rows of {name}")
     check(np.array_equal(now["series/step"], np.arange(summary["steps"] + 1)), "every step has its row")
+
+
+def told(stderr):
+    """The command that a stopped run or sweep prints to go on with, as a shell takes it."""
+    found = re.search(r"to go on: (stickslip .*)$", stderr, re.MULTILINE)
+    check(found, stderr)
+    return found.group(1)
+
+
+def typed(command):
+    return subprocess.run(["sh", "-c", command.replace("stickslip", shlex.quote(PROGRAM), 1)], capture_output=True, text=True, timeout=300)
+
+
+def closing(arguments):
+    """What a run says at its end."""
+    done = ran([PROGRAM, "run", *words(arguments)])
+    check(done.returncode == 0, done.stderr)
+    return done.stderr
+
+
+def drawn_stop(rng):
+    """A run with checkpoints, and the limits at which it and those that go on with it stop."""
+    scene = rng.choice([
+        TINY.replace(" -ts_max_steps 40", ""),
+        "-grid_n 6 -model_form chain -friction_law coulomb -friction_fd 0.5 -init_psi 0.4 -init_noise 0.3 -ts_max_time 30 -out_frames 7",
+        "-grid_n 80 -model_form chain -friction_law carlson-langer -friction_sigma 0.1 -init_psi 0 -init_noise_of eta -init_noise 0.4 "
+        "-ts_max_time 5 -out_frames 7"])
+    return scene + " -ts_rk_type 3bs" * int("80" not in scene), int(rng.integers(3, 30)), rng.choice(["a b/it's.h5", "plain.h5"])
+
+
+def test_every_line_to_go_on_goes_on(scenes):
+    """The command is typed as it stands, and again as often as it stops, and ends in the file of a run without limits."""
+    for index, (scene, steps, name) in scenes(drawn_stop, 71, short=3):
+        os.makedirs("a b", exist_ok=True)
+        clear("whole")
+        files = ["-out_checkpoint_every", "7", "-out_checkpoint_keep", "1000"]
+        run([*scene.split(), "-out_file", "whole.h5", *files])
+        said = closing([*scene.split(), "-out_file", name, *files, "-ts_max_steps", steps])
+        before = data(name)["series/t"][-1]
+        done = typed(told(said))
+        check(done.returncode == 0 and data(name)["series/t"][-1] > before and "stopped" not in done.stderr, f"{index}: {told(said)}: {done.stderr}")
+        same(data("whole.h5"), data(name), f"{index}: {scene}, stopped after {steps}")
+        os.remove(name)
+
+
+def test_a_limit_that_is_reached_is_told_and_lifted():
+    scene = TINY.replace("-ts_max_steps 40", "-ts_rk_type 3bs -out_checkpoint_every 5 -out_file l.h5")
+    said = closing(scene + " -ts_max_steps 20")
+    before = data("l.h5")
+    more = closing("-restart l.chk-000020.h5")
+    check("ts_max_steps 20; nothing is left to do" in more, more)
+    same(before, data("l.h5"), "nothing was done")
+    check(told(more) == told(said) == "stickslip run -restart l.chk-000020.h5 -ts_max_steps unlimited", told(more))
+    s, more = run("-restart l.chk-000020.h5 -ts_max_steps unlimited -out_checkpoint_every none -out_times none")
+    check(s["status"] == "done" and s["t_end"] == 0.9 and s["files"] == ["l.h5"], f"{s['status']}, {s['files']}")
+    s, _ = run("-restart l.chk-000020.h5 -ts_max_steps 25")
+    check(s["steps"] == 25 and s["options"]["ts_max_steps"] == "25", "another limit")
+    # a word for what the run did not set is none, and for what only the start may set an error
+    refused("-restart l.chk-000020.h5 -grid_n auto", 2, "-grid_n", "20")
+    run("-restart l.chk-000020.h5 -load_v none -ts_max_steps 21")
+
+
+def test_the_clock_and_signals():
+    """A clock begins anew; what a signal or it has stopped goes on."""
+    scene = "-grid_n 64 -init_type sine -ts_max_time 1e6 -out_times 1,2 -out_series_every 100 -out_file c.h5 -out_checkpoint_every 1000000"
+    said = closing(scene + " -ts_max_wall 1s")
+    first = data("c.h5")["series/t"][-1]
+    done = typed(told(said) + " -ts_max_steps 10000000")
+    check(done.returncode == 0 and data("c.h5")["series/t"][-1] > first and "ts_max_wall 1s" in done.stderr, done.stderr)
+    os.remove("c.h5")
+    process = subprocess.Popen([PROGRAM, "run", *words(scene)], stderr=subprocess.PIPE, text=True)
+    while not os.path.exists("c.h5"):
+        time.sleep(0.01)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    line = told(process.communicate(timeout=60)[1])
+    first = data("c.h5")["series/t"][-1]
+    done = typed(line + " -ts_max_wall 1s")
+    check(done.returncode == 0 and data("c.h5")["series/t"][-1] > first, f"{line}: {done.stderr}")
+
+
+def test_a_sweep_goes_on():
+    given = ("-sweep_parameter1 model_v -sweep_from1 0.1 -sweep_to1 1.5 -sweep_points1 400 -model_form chain -grid_n 1 -bc_left free "
+             "-ts_max_time 300 -out_file").split() + ["my sweep.h5"]
+    process = subprocess.Popen([PROGRAM, "sweep", *given], stderr=subprocess.PIPE, text=True)
+    while not os.path.exists("my sweep.h5") and process.poll() is None:
+        time.sleep(0.01)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    check(process.returncode == 130, said)
+    done = typed(told(said))
+    check(done.returncode == 0 and "400 of 400 points" in done.stderr, f"{told(said)}: {done.stderr}")
