@@ -11,6 +11,7 @@
 #include "commands/cycle_problem.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/regime.hpp"
@@ -241,7 +242,7 @@ void check_forced(const Options& options, const Scene& scene) {
         "-boundary_verify: checks steady sliding, and under a load nothing is steady; leave it off");
   if (scene.massless())
     throw UsageError("-model_m 0: the slide under a load is solved for with mass; `run` takes 0");
-  if (!(scene.averaged().K0() > 0))
+  if (springless(scene))
     throw UsageError("model_k0 0: nothing pulls the slide back to the load's motion");
   if (!scene.nodes_alike() || scene.any_held()) check_smooth_cell(scene);
 }

@@ -8,6 +8,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/study/start.hpp"
 
 namespace stickslip {
@@ -154,11 +155,10 @@ std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
 }
 
 void check_cycle_options(const Options& options, const Scene& cell) {
-  if (cell.massless())
+  if (cell.massless() && options.boolean("cycle_spectrum"))
     throw UsageError(
-        "-model_m 0: cycles are solved for with mass; those of a small model_m differ from the massless one "
-        "by "
-        "a part in proportion to it (docs/variants.md), and `run` takes 0");
+        "-model_m 0: waves on a cycle (cycle_spectrum) are looked at with mass; take a ring of several "
+        "blocks (cycle_cell), whose multipliers say what its waves do, or a small model_m");
   if (!cell.friction.sticks()) {
     check_smooth_cell(cell);
   } else {
@@ -175,15 +175,20 @@ void check_cycle_options(const Options& options, const Scene& cell) {
     throw UsageError(
         "cycle_spectrum: under a load waves are looked at with smooth friction (friction_stick regularised); "
         "with exact stick take the whole scene (cycle_cell 0)");
-  if (!(cell.averaged().K0() > 0))
-    throw UsageError("model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
+  if (springless(cell))
+    throw UsageError(
+        cell.forced()
+            ? "model_k0 0: the mean force of the springs stays what it is at the start, so that under a load "
+              "there is a cycle for each and none is apart; set a positive stiffness to the plate, or take "
+              "`run`"
+            : "model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
 }
 
 FoundCycle find_cycle(const Options& options, const Scene& cell) {
   const bool forced = cell.forced();
   if (cell.friction.sticks()) return forced ? sticking_under_load(options, cell) : sticking(options, cell);
   return smooth(options, cell,
-                one_node(cell) && has_neighbours(options) && !forced
+                one_node(cell) && has_neighbours(options) && !forced && !cell.massless()
                     ? uniform_cycle(cell)
                     : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
 }

@@ -31,10 +31,9 @@ std::string Run::no_clusters() const {
   for (const char* name : {"accuracy", "out_maxima"})
     if (options_.is_set(name)) return std::string(name) + " looks at every step of the whole medium";
   if (options_.integer("lyapunov_count") > 0) return "lyapunov_count follows deviations of the whole medium";
-  if (displacement_ && Displacement::floats(problem_.model.scene()))
-    return "out_displacement with model_k0 0 and no held end is counted from the start over every step of "
-           "the "
-           "whole medium";
+  if (counts_displacement_)
+    return "out_displacement on springs that are weak, or with model_k0 0 and no held end, is counted from "
+           "the start over every step of the whole medium";
   if (catalogue_ && options_.is_set("out_events_velocity") && options_.real("out_events_velocity") > 0)
     return "events are of nodes that slide at all, and out_events_velocity asks for other ones";
   return "";

@@ -13,10 +13,10 @@
 #include "base/local_copy.hpp"
 #include "commands/quantities.hpp"
 #include "output/frames.hpp"
-#include "output/mean_travel.hpp"
 #include "output/measures.hpp"
 #include "output/rest_fraction.hpp"
 #include "output/series.hpp"
+#include "output/travel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/library_options.hpp"
@@ -122,7 +122,7 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
       problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
   control_.emplace(options, checkpoint ? checkpoint->step : 0);  // from here on signals are heard
   check_size_of_run(options, problem_.model, problem_.u);
-  make_observers(measure);
+  make_observers(measure, checkpoint);
   // Every rank solves alike, and one of them prints for -ts_monitor.
   if (problem_.model.comm() == PETSC_COMM_SELF && rank_in(PETSC_COMM_WORLD) != 0) silence_library();
   if (checkpoint) restore(*checkpoint);
@@ -137,9 +137,9 @@ Answer Run::end() const {
           measure_ ? measure_->values() : std::vector<double>()};
 }
 
-void Run::make_observers(const MeasureMaker& measure) {
+void Run::make_observers(const MeasureMaker& measure, const std::optional<Checkpoint>& checkpoint) {
   const Model& model = problem_.model;
-  if (options_.boolean("out_displacement") && options_.is_set("out_file")) make_displacement();
+  if (options_.boolean("out_displacement") && options_.is_set("out_file")) make_displacement(checkpoint);
   auto regime = std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
   regime_ = regime.get();
   observers_.push_back(std::move(regime));
@@ -180,10 +180,15 @@ void Run::make_observers(const MeasureMaker& measure) {
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get(), plate_));
 }
 
-void Run::make_displacement() {
+// A run goes on as it began.
+void Run::make_displacement(const std::optional<Checkpoint>& checkpoint) {
   displacement_ = std::make_unique<Displacement>(problem_.model, plate_);
-  if (!Displacement::floats(problem_.model.scene())) return;
-  observers_.push_back(std::make_unique<MeanTravel>(problem_.model, *displacement_));
+  const double t_end = options_.real("ts_max_time");
+  counts_displacement_ = Displacement::floats(problem_.model.scene()) ||
+                         (checkpoint ? Travel::is_in(*checkpoint)
+                                     : displacement_->count_is_better(problem_.u, t_end));
+  if (counts_displacement_)
+    observers_.push_back(std::make_unique<Travel>(problem_.model, *displacement_));
 }
 
 void Run::archive(Archive a, Origin& at, Vec state) {
@@ -215,9 +220,14 @@ void Run::restore(const Checkpoint& checkpoint) {
   if (origin_.t > t_end)
     throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " +
                      number_text(origin_.t) + " of checkpoint '" + options_.text("restart") + "'");
-  if (origin_.t == t_end)
-    warn(fmt::format("restart '{}': this run is at its end already, ts_max_time {}; nothing is left to do",
-                     options_.text("restart"), options_.text("ts_max_time")));
+  const double plate_end = options_.is_set("ts_max_plate") ? options_.real("ts_max_plate") : HUGE_VAL;
+  const std::string reached = origin_.t == t_end                               ? "ts_max_time"
+                              : halts(scene_) && plate_.at(origin_.t) >= plate_end ? "ts_max_plate"
+                              : origin_.step >= control_->most_steps()          ? "ts_max_steps"
+                                                                                : "";
+  if (!reached.empty())
+    warn(fmt::format("restart '{}': this run is at its end already, {} {}; nothing is left to do",
+                     options_.text("restart"), reached, options_.text(reached)));
 }
 
 void Run::limit_steps() {

@@ -75,8 +75,8 @@ class Run {
   Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure,
       std::optional<Checkpoint> checkpoint);
   double spent() const { return timed_ ? processor_seconds() : 0; }
-  void make_observers(const MeasureMaker& measure);
-  void make_displacement();
+  void make_observers(const MeasureMaker& measure, const std::optional<Checkpoint>& checkpoint);
+  void make_displacement(const std::optional<Checkpoint>& checkpoint);
   // What a checkpoint holds: the state and how far the run has come (`at`, but for what every checkpoint
   // has). Not what -accuracy measures, which a restart does not.
   void archive(Archive a, Origin& at, Vec state);
@@ -113,6 +113,7 @@ class Run {
   Problem problem_;  // what is solved for it
   Plate plate_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
+  bool counts_displacement_ = false;            // not by forces
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;                // one of them
   Maxima* maxima_ = nullptr;                // another, with out_maxima

@@ -9,6 +9,7 @@
 #include "model/scene_reading.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/plate.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -42,6 +43,10 @@ Load read_halt(const Options& o, const Scene& s) {
         (s.friction.jumps_at_rest() ? "regularised" : o.text("friction_law")) +
         " friction never lets a node rest, so the plate would never move; take a law with a threshold and "
         "-friction_stick exact");
+  if (frictionless_somewhere(s))
+    refuse_halt(
+        "a node without friction never rests, so the plate would never move; leave "
+        "friction_amplitude_profile above 0");
   if (s.massless()) refuse_halt("nothing sticks exactly in a chain without mass (model_m 0)");
   for (const auto& [end, value] : {std::pair{s.left, s.left_value}, {s.right, s.right_value}})
     if (end == End::velocity && value != 0)
@@ -89,7 +94,6 @@ Sine plate_for_force(const Options& o, const Scene& s) {
     refuse_force(
         "it acts as a motion of the plate would, through springs that are alike; leave "
         "model_k0_profile out");
-  if (!(s.K0() > 0)) refuse_force("it acts as a motion of the plate would, and model_k0 is 0");
   return velocity_of(s.force, s.K0());
 }
 
@@ -98,6 +102,12 @@ void read_plate(const Options& o, Scene& s) {
   const Sine sine = read_sine(o, plate_sine);
   if (has(o, plate_sine)) sines.push_back(sine);
   s.force = read_sine(o, force_sine);
+  if (has(o, force_sine) && s.form == Form::chain && s.k0 == 0) {
+    refuse(o, {"load_v", "load_sine_amplitude"},
+           "with model_k0 0 no spring ties the blocks to the plate, and its motion does nothing beside "
+           "load_force_sine_amplitude");
+    s.k0 = no_spring * s.f0;
+  }
   if (has(o, force_sine)) sines.push_back(plate_for_force(o, s));
   s.load = Load(s.v, read_points(o, "load_v"), sines);
   if (o.boolean("load_halt")) s.load = read_halt(o, s);

@@ -8,6 +8,7 @@
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/reach.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -46,6 +47,7 @@ double wave_frequency(const Scene& s) {
 
 double own_frequency(const Scene& s) {
   if (s.medium.varies()) return own_frequency(s.averaged());
+  if (springless(s)) return 0;
   return s.massless() ? s.K0() / sliding_resistance(s) : std::sqrt(s.A() * s.K0());
 }
 

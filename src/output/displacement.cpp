@@ -9,6 +9,7 @@
 #include "model/node_weight.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/reach.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
 
 namespace stickslip {
@@ -22,13 +23,14 @@ constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a fa
 Displacement::Displacement(const Model& model, const Plate& plate)
     : model_(model), plate_(plate), floats_(floats(model.scene())) {
   const Scene& s = model.scene();
-  if (floats_ && s.mean_K1() == 0)
-    throw UsageError(
-        "out_displacement: with model_k0 0 and model_k1 0 no force tells where a block is; set one of them, "
-        "or leave it out");
+  if (floats_) {
+    SS_TRY(VecCreateMPI(model.comm(), model.local(), s.n, load_.out()));
+    SS_TRY(VecDuplicate(load_, w_.out()));
+    return;
+  }
   const int ranks = ranks_in(model.comm());
   const double reach = nodes_to_forget(s) + 2 * s.order;
-  if (ranks > 1 && !floats_ && s.n >= many && reach < double(s.n) / (4 * ranks))
+  if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks))
     make_piece(static_cast<PetscInt>(reach));
   else
     make_whole();
@@ -74,7 +76,7 @@ void Displacement::make_piece(PetscInt margin) {
 template <class Place>
 void Displacement::add_row(PetscInt node, PetscInt row, const Place& place) {
   const Scene& s = model_.scene();
-  const bool given = model_.held(node) || (floats_ && node == 0);  // the latter: 0 there, and then shifted
+  const bool given = model_.held(node);
   SS_TRY(MatSetValue(matrix_, row, row, given ? 1 : s.coefficients(node).K0, ADD_VALUES));
   if (given) return;
   for (const auto& [column, weight] : coupling_row(s, node))
@@ -102,34 +104,60 @@ VecHandle Displacement::create_vector() const {
   return chi;
 }
 
-void Displacement::count_from(std::vector<double> eta, std::function<double(double t)> mean) {
-  eta_at_start_ = std::move(eta);
-  mean_ = std::move(mean);
+double Displacement::end_velocity(PetscInt held) const {
+  const Scene& s = model_.scene();
+  return held == 0 ? s.left_value : s.right_value;
 }
 
-// chi of a chain that floats.
-void Displacement::solve_since_start(Vec u, double t, Vec chi) const {
-  const double nodes = model_.scene().n;
+bool Displacement::count_is_better(Vec u, double t_end) const {
+  constexpr double worse = 10;
+  if (floats_) return true;
+  const Scene& s = model_.scene();
+  const bool loaded = s.load.varies() && !halts(s);
+  const double gone = loaded ? s.load.integral(t_end) - s.push(t_end) / s.K0() : s.v * t_end;
+  double fastest = std::abs(gone) / t_end;
   {
     const Reading a(u);
     const Writing b(load_);
-    for (PetscInt i = 0; i < model_.local(); ++i)
-      b[i] = eta_at_start_[std::size_t(i)] - a[i * model_.dof() + 1];
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      fastest = std::max(fastest, std::abs(a[i * model_.dof()]));
+      b[i] = model_.held(model_.first() + i) ? 0 : 1;
+    }
   }
-  PetscScalar sum;  // 0 but for round-off, which must not end in one block
-  SS_TRY(VecSum(load_, &sum));
-  SS_TRY(VecShift(load_, -sum / nodes));
-  if (model_.first() == 0) {
-    const Writing b(load_);
-    b[0] = 0;
+  solve_loaded(w_);
+  double longest = 0;
+  {
+    const Reading w(w_);
+    for (PetscInt i = 0; i < model_.local(); ++i) longest = std::max(longest, std::abs(w[i]));
   }
-  SS_TRY(KSPSolve(ksp_, load_, chi));
-  SS_TRY(VecSum(chi, &sum));
-  SS_TRY(VecShift(chi, mean_(t) - sum / nodes));
+  return largest_over(model_.comm(), longest) > worse * largest_over(model_.comm(), fastest) * t_end;
+}
+
+void Displacement::count(std::vector<double> chi, std::vector<double> eta, Slip slip) {
+  chi_at_start_ = std::move(chi);
+  eta_at_start_ = std::move(eta);
+  slip_ = std::move(slip);
+}
+
+void Displacement::solve_counted(double t, Vec chi) const {
+  const std::vector<double>& slip = slip_(t);
+  const Writing x(chi);
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    const PetscInt node = model_.first() + i;
+    x[i] = model_.held(node) ? end_velocity(node) * t
+                             : chi_at_start_[std::size_t(i)] + slip[std::size_t(i)];
+  }
+}
+
+void Displacement::solve_at_start(Vec u, Vec chi) const {
+  if (floats_)
+    SS_TRY(VecSet(chi, 0));
+  else
+    solve_relative(u, 0, 0, chi);
 }
 
 void Displacement::solve(Vec u, double t, Vec chi) const {
-  if (floats_) return solve_since_start(u, t, chi);
+  if (slip_) return solve_counted(t, chi);
   const double travelled = plate_.travel(model_.scene(), t);
   solve_relative(u, t, travelled, chi);
   SS_TRY(VecShift(chi, travelled));
@@ -139,13 +167,19 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
 void Displacement::solve_relative(Vec u, double t, double travelled, Vec w) const {
   const Scene& s = model_.scene();
   const bool loaded = s.load.varies();
-  const Reading a(u);
-  const Writing b(load_);
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    const double *at = a + i * model_.dof(), end = model_.first() + i == 0 ? s.left_value : s.right_value;
-    b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t)
-                                           : -(at[1] + damping(i) * at[0]);
+  {
+    const Reading a(u);
+    const Writing b(load_);
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      const double *at = a + i * model_.dof(), end = end_velocity(model_.first() + i);
+      b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t)
+                                             : -(at[1] + damping(i) * at[0]);
+    }
   }
+  solve_loaded(w);
+}
+
+void Displacement::solve_loaded(Vec w) const {
   if (!fetch_) {
     SS_TRY(KSPSolve(ksp_, load_, w));
   } else {
@@ -163,12 +197,14 @@ Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
   model_.set_time(t);  // friction may depend on it
   // the plate exerts the harmonic force in the equations alone
-  const double push = s.push(t), shift = push == 0 ? 0 : push / s.K0(),
-               v = model_.plate_velocity(t) - s.push_velocity(t);
-  if (floats_)
-    solve_since_start(u, t, w_);
-  else
+  const double push = s.push(t), v = velocity_of_plate_alone(s, model_.plate_velocity(t), t);
+  double shift = push == 0 ? 0 : push / s.K0();
+  if (slip_) {
+    solve_counted(t, w_);
+    shift = floats_ ? 0 : -plate_.travel(s, t) + shift;
+  } else {
     solve_relative(u, 0, 0, w_);
+  }
   VecHandle viscous;
   if (model_.viscous()) {
     viscous = model_.create_vector();

@@ -6,12 +6,13 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "model/node_weight.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
 LoadedMean::LoadedMean(const Model& model) : model_(model) {
   const Scene& s = model.scene();
-  period_ = s.any_held() || s.medium.profile("model_k0") || s.K0() == 0 ? 0 : s.forcing_period();
+  period_ = s.any_held() || s.medium.profile("model_k0") || springless(s) ? 0 : s.forcing_period();
   if (period_ > 0) work_ = model.create_vector();
 }
 

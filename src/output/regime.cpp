@@ -14,6 +14,7 @@
 #include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -34,7 +35,7 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // Of a medium that differs along x the mean.
-double mean_K0(const Scene& s) { return s.medium.varies() ? s.averaged().K0() : s.K0(); }
+double mean_K0(const Scene& s) { return springless(s) ? 0 : s.averaged().K0(); }
 
 // Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing
 // gives way.

@@ -9,6 +9,7 @@
 #include "output/field_loops.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -90,7 +91,7 @@ void Series::step(const ObservedStep& step) {
           step.t - (by_clusters_ ? last_ : step.t_before),
           double(step.index),
           double(step.rejections),
-          model_.plate_velocity(step.t) - model_.scene().push_velocity(step.t),
+          velocity_of_plate_alone(model_.scene(), model_.plate_velocity(step.t), step.t),
           plate_.at(step.t),
           model_.normal_load(step.t).N,
           {}};

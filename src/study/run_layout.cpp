@@ -6,6 +6,7 @@
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/plate.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
@@ -56,8 +57,8 @@ void add_load(const Scene& scene, RunLayout& layout) {
   for (double t = load.next_corner(before_all); std::isfinite(t); t = load.next_corner(t)) {
     const int behind = load.piece_from(t);
     layout.load_t.push_back(t);
-    layout.load_before.push_back(load.in_piece(behind - 1, t) - scene.push_velocity(t));
-    layout.load_behind.push_back(load.in_piece(behind, t) - scene.push_velocity(t));
+    layout.load_before.push_back(velocity_of_plate_alone(scene, load.in_piece(behind - 1, t), t));
+    layout.load_behind.push_back(velocity_of_plate_alone(scene, load.in_piece(behind, t), t));
   }
 }
 

@@ -8,11 +8,16 @@
 // that they feel (a force falls by exp(-45) over them), wherever these are few enough; the results are the
 // same to round-off.
 //
+// An error e of eta is one of up to S e in chi, S the largest row sum of (K0 - K1 D2)^-1, 1/K0 without held
+// ends: on weak springs more than chi itself is. An error e of psi over its size is one of e times the way
+// that is gone. So where S is more than ten times that way, chi is counted: that of the forces at the start,
+// and the integral of psi since then, node by node (output/travel.hpp). By count_is_better() a run decides it
+// at its start, from the way that the plate goes in it, or the nodes would at their first psi.
+//
 // Between free ends and on a ring of a chain without springs to the plate (k0 = 0) the forces do not tell
-// where it is, and what pulls it at the start need not be the springs between its blocks. There chi is
-// counted from the start of the run: K1 D2 chi = eta - eta(0), whose mean over the blocks is the integral of
-// the mean of psi (mean_travel.hpp). The elastic energy is -sum chi (eta + eta(0))/2 then, 0 at the start,
-// and the plate gives nothing.
+// where it is, and what pulls it at the start need not be the springs between its blocks. There chi is always
+// counted, from 0 at the start. The elastic energy is -sum chi (eta + eta(0))/2 then, 0 at the start, and the
+// plate gives nothing.
 //
 // Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a
 // chain, and h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta +
@@ -33,6 +38,7 @@
 #include <vector>
 
 #include "stickslip/model/plate.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -42,19 +48,24 @@ struct Energy {
 
 class Displacement {
  public:
-  // Factors the matrix. Throws UsageError where no force ties the blocks to each other or to anything.
-  // `plate`: whose clock it keeps; it must outlive this. Collective.
+  // Factors the matrix, but where the chain floats. `plate`: whose clock it keeps; it must outlive this.
+  // Collective.
   Displacement(const Model& model, const Plate& plate);
   // Memory of a node, in bytes: the matrix and its factors, about, and vectors.
   static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
 
-  // Where the chain is not known by its forces; then count_from() comes first.
-  static bool floats(const Scene& scene) { return scene.averaged().K0() == 0 && !scene.any_held(); }
-  // eta of this rank's nodes at the start, and the mean of chi since then at any time that is asked for.
-  void count_from(std::vector<double> eta, std::function<double(double t)> mean);
+  // Where no force says where the chain is; then count() comes first.
+  static bool floats(const Scene& scene) { return springless(scene) && !scene.any_held(); }
+  // See above; u: at the start of a run until t_end. Collective.
+  bool count_is_better(Vec u, double t_end) const;
+  // From now on chi is counted: chi and eta of this rank's nodes at the start, and how far they have gone
+  // since then at any time that is asked for.
+  using Slip = std::function<const std::vector<double>&(double t)>;
+  void count(std::vector<double> chi, std::vector<double> eta, Slip slip);
 
-  VecHandle create_vector() const;             // one value a node, distributed as the model's nodes
-  void solve(Vec u, double t, Vec chi) const;  // collective
+  VecHandle create_vector() const;  // one value a node, distributed as the model's nodes
+  void solve(Vec u, double t, Vec chi) const;     // collective
+  void solve_at_start(Vec u, Vec chi) const;      // from which chi is counted; collective
 
   bool has_energy() const;  // no held end
   // At the time t, which says the velocity of the plate: at a corner of a load (load.hpp) that of the piece
@@ -63,8 +74,10 @@ class Displacement {
   Energy energy(Vec u, double t) const;
 
  private:
-  void solve_since_start(Vec u, double t, Vec chi) const;
+  void solve_counted(double t, Vec chi) const;
   void solve_relative(Vec u, double t, double travelled, Vec w) const;
+  void solve_loaded(Vec w) const;  // with what stands in load_
+  double end_velocity(PetscInt held) const;
   void make_whole();
   void make_piece(PetscInt margin);
   template <class Place>
@@ -75,11 +88,11 @@ class Displacement {
   const Model& model_;
   const Plate& plate_;
   bool floats_;
-  std::vector<double> eta_at_start_;  // where it floats
-  std::function<double(double t)> mean_;
+  std::vector<double> chi_at_start_, eta_at_start_;  // where it is counted
+  Slip slip_;
   MatHandle matrix_;
   KspHandle ksp_;
-  VecHandle w_, load_;
+  mutable VecHandle w_, load_;
   PetscInt own_ = 0;                // where this rank's nodes begin in its piece
   VecHandle piece_w_, piece_load_;  // in pieces
   ScatterHandle fetch_;             // the load of a piece; none where the whole is solved
