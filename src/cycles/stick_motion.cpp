@@ -72,10 +72,23 @@ bool StickMotion::all_rest(const StickState& p) const {
   return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
 }
 
+// Nodes without friction slide through psi = 0: only what their state sees of psi turns there.
+bool StickMotion::follow_frictionless(StickState& p) const {
+  bool turned = false;
+  for (int i = 0; i < nodes_; ++i) {
+    const double side = p.u[i * dof_] < 0 ? -1 : 1;
+    if (!never_rests(i) || p.direction[i] == side) continue;
+    p.direction[i] = side;
+    turned = true;
+  }
+  return turned;
+}
+
 // At psi = 0 a node beyond its threshold, or at it and gaining on it, begins to slip.
 void StickMotion::decide(StickState& p) const {
   p.direction.assign(nodes_, 0.);
   for (int i = 0; i < nodes_; ++i) p.direction[i] = sign_of(p.u[i * dof_]);
+  follow_frictionless(p);
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
   for (int i = 0; i < nodes_; ++i) {
@@ -193,7 +206,7 @@ double StickMotion::first_change(const StickState& p, const double* f0, const do
   };
   for (int i = 0; i < nodes_; ++i) {
     const double going = p.direction[i];
-    if (held(i)) continue;
+    if (held(i) || never_rests(i)) continue;
     if (going != 0) {
       examine({i, going, false, false, false});
       continue;
@@ -248,7 +261,7 @@ std::vector<Change> StickMotion::change(StickState& p) const {
   std::vector<Change> changes;
   std::vector<PetscInt> nodes;
   for (int i = 0; i < nodes_; ++i) {
-    if (was[i] == p.direction[i]) continue;
+    if (was[i] == p.direction[i] || never_rests(i)) continue;
     changes.push_back({p.t, i, was[i], p.direction[i]});
     nodes.push_back(i);
   }
@@ -271,7 +284,7 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
   std::vector<Jump> jumps;
   for (int i = 0; i < nodes_; ++i) {
     const double from = was[i], to = p.direction[i];
-    if (from == to) continue;
+    if (from == to || never_rests(i)) continue;
     const double *b = &before[i * dof_], *a = &after[i * dof_];
     jumps.push_back({{p.t, i, from, to},
                      from == 0 ? JumpMatrix::at_start(
@@ -386,6 +399,7 @@ std::vector<Change> StickMotion::advance(StickState& p, double until, const Pass
     }
     accept(p, y1.data(), h, f0.data(), passed);
     std::swap(f0, f1);
+    if (follow_frictionless(p)) rates(p.direction, p.u.data(), f0.data());
     h = next;
   }
   return {};

@@ -116,7 +116,7 @@ LawOptions law_options() {
       add_once(all.of_states, option_of("state_" + std::string(p.name), p));
   }
   OptionSpec amplitude =
-      option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
+      option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::not_negative, "", ""});
   add_profile(all.of_profiles, amplitude.name, amplitude);
   using R = Parameter::Range;
   for (const Parameter& p : {Parameter{"m", "1", R::positive, "", ""},

@@ -22,6 +22,7 @@ Partials MasslessNode::force(double psi, double state, double direction) const {
 }
 
 double MasslessNode::velocity(double eta, double state, double guess) const {
+  if (amplitude == 0) return eta / B;
   if (law.steep) return steep_zero(eta, state, guess);
   if (!law.sticks) return zero(eta, state, guess, 0);
   const double limit = amplitude * law.threshold(state).value;
@@ -101,6 +102,7 @@ bool MasslessNode::rises_between(double from, double to, double state, double di
 }
 
 MasslessNode::Slopes MasslessNode::slopes(double psi, double state) const {
+  if (amplitude == 0) return {1 / B, 0};
   if (law.sticks && psi == 0) return {0, 0};
   const Partials p = force(psi, state, law.sticks ? (psi > 0 ? 1 : -1) : 0);
   const double slope = B + p.F_psi;
@@ -108,7 +110,7 @@ MasslessNode::Slopes MasslessNode::slopes(double psi, double state) const {
 }
 
 std::string jump_at_rest(const MasslessNode& node) {
-  if (!node.law.sticks) return "";
+  if (!node.law.sticks || node.amplitude == 0) return "";
   const double state = 1;  // a factor of both forces
   const Partials p = node.law.sliding_partials(0, state, 1);
   const double threshold = node.law.threshold(state).value;

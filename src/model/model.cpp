@@ -452,7 +452,7 @@ bool Model::safeguard_newton_step(Vec u, double shift, Vec minus_step) const {
   const Reading a(u);
   const Writing step(minus_step);
   for (PetscInt i = 0; i < m.local; ++i) {
-    if (m.scene.held(m.first + i)) continue;
+    if (m.scene.held(m.first + i) || m.amplitude[i] == 0) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
     const NodeCoefficients c = coefficients(i);
     const double mass = shift / c.A + c.B + c.K0 / shift;

@@ -11,6 +11,7 @@
 #include "base/failure.hpp"
 #include "model/scene_reading.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -322,6 +323,24 @@ void read_profiles(const Options& o, Scene& s) {
   (void)Friction::along(f, places);
 }
 
+// Nodes of amplitude 0 have no friction: F is 0 there, and they never rest. That takes a law with a force at
+// every velocity, as these nodes go through psi = 0 at will.
+void check_nodes_without_friction(const Options& o, const Scene& s) {
+  if (!frictionless_somewhere(s)) return;
+  const auto& points = s.amplitude.points();
+  const auto refuse_0 = [&](const std::string& why) {
+    throw UsageError(shown(o, "friction_amplitude_profile") + ": with an amplitude of 0 " + why);
+  };
+  if (std::all_of(points.begin(), points.end(), [](const auto& point) { return point.second == 0; }))
+    refuse_0("everywhere there is no friction at all; it may be 0 at some places");
+  if (!s.friction.terms.none())
+    refuse_0("a node has no friction beside which drag (model_drag) could stand; take a small amplitude");
+  if (s.massless() && !(s.B() > 0))
+    refuse_0("and without mass (model_m 0) nothing but model_zeta says how fast a block goes; set it > 0");
+  if (to_string(s.friction.law) == "dieterich")
+    refuse_0("a node goes backwards too, where friction_law dieterich says nothing; take rate-and-state");
+}
+
 void read_ends(const Options& o, Scene& s) {
   s.left = value_of(end_names, o.text("bc_left"));
   s.right = value_of(end_names, o.text("bc_right"));
@@ -380,6 +399,7 @@ Scene Scene::from(const Options& options, bool) {
   read_grid(options, scene);
   read_medium(options, scene);
   read_profiles(options, scene);
+  check_nodes_without_friction(options, scene);
   read_loads(options, scene);
   return scene;
 }

@@ -6,6 +6,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/time/stick.hpp"
 
 namespace stickslip {
@@ -20,6 +21,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 std::string Clusters::refusal(const Scene& s) {
   if (!Stick::applies_to(s)) return "friction does not stick exactly";
+  if (frictionless_somewhere(s))
+    return "the friction amplitude is 0 at some nodes (friction_amplitude_profile), which never rest";
   if (s.normal.varies())
     return "the normal load varies (load_normal, load_normal_sine_amplitude), and with it when resting nodes "
            "begin to slip: steps of the whole medium take that";

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "model/release.hpp"
 #include "stickslip/base/error.hpp"
@@ -18,6 +19,8 @@ using namespace stick_rule;
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
+
+double side_of(double psi) { return psi < 0 ? -1 : 1; }
 
 // The force on a node, eta + N D2 psi: of unknowns u the eta, or that of `total`, see Stick::total_force; of
 // rates its rate.
@@ -42,6 +45,8 @@ Stick::Stick(const Model& model)
       slope_(model.create_vector()), next_slope_(model.create_vector()),
       candidates_(std::make_unique<Candidates>()), unseen_(unseen_slip(model.wave_frequency())) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
+  const std::vector<double>& amplitude = model.amplitude();
+  frictionless_ = on_any_rank(model.comm(), std::count(amplitude.begin(), amplitude.end(), 0.) > 0);
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
   if (dof_ == 3) return;
   for (PetscInt i = 0; i < model.local(); ++i)
@@ -80,6 +85,8 @@ Vec Stick::total_force(Vec u, std::size_t number) {
   return total;
 }
 
+bool Stick::never_rests(PetscInt i) const { return frictionless_ && model_.amplitude()[i] == 0; }
+
 template <class Body>
 void Stick::for_each_side(const Body& body) const {
   body(1.);
@@ -91,7 +98,8 @@ void Stick::decide(Vec u, double t) {
   const NormalLoad normal = model_.normal_load(t);
   was_ = direction_;
   const Reading a(u);
-  for (PetscInt i = 0; i < model_.local(); ++i) direction_[i] = sign_of(a[i * dof_]);
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    direction_[i] = never_rests(i) ? side_of(a[i * dof_]) : sign_of(a[i * dof_]);
   model_.rhs(Part::full, u, slope_);
 
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
@@ -123,6 +131,22 @@ void Stick::decide(Vec u, double t) {
   if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
 }
 
+// Such a node slides through psi = 0 like a node of smooth friction: only what its state sees of psi, the
+// magnitude, turns there.
+bool Stick::follow_frictionless(Vec u) {
+  if (!frictionless_) return false;
+  int turned = 0;
+  {
+    const Reading a(u);
+    for (PetscInt i = free_begin_; i < free_end_; ++i) {
+      if (!never_rests(i) || direction_[i] == side_of(a[i * dof_])) continue;
+      direction_[i] = -direction_[i];
+      turned = 1;
+    }
+  }
+  return on_any_rank(model_.comm(), turned != 0);
+}
+
 void Stick::renew_slope(Vec u) { model_.rhs(Part::full, u, slope_); }
 
 // Fills candidates_ with the changes between `before` and `after`, those of all ranks for the times.
@@ -137,6 +161,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
   const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), force_rate0(fa, total[2], dof_),
       force_rate1(fb, total[3], dof_);
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
+    if (never_rests(i)) continue;
     const double *at0 = a + i * dof_, *at1 = b + i * dof_;
     if (direction_[i] != 0) {
       candidates_->slides(i, direction_[i], at0[0], at1[0], fa[i * dof_], fb[i * dof_]);
@@ -224,6 +249,7 @@ void Stick::snap(Vec before, Vec landed, double part) {
         b[c.node * dof_] = 0;
     }
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
+      if (never_rests(i)) continue;
       const double going = direction_[i], *at0 = a + i * dof_;
       double* at = b + i * dof_;
       if (going != 0) {

@@ -62,6 +62,7 @@ void StickSteps::after(Step step, Vec before) {
       stick_.first_change(before, u, t_before, dt, at, landed_, fused_ && fused_->last_is_solution());
   if (cut.kind == Stick::Cut::Kind::too_coarse) return take_back(step, before, dt);
   if (cut.kind == Stick::Cut::Kind::none) {
+    if (stick_.follow_frictionless(u) && fused_) fused_->set_direction(stick_.direction());
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
     // as a run that goes on from here will
     if (advance_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);

@@ -60,6 +60,9 @@ class Stick {
   void engage() const { model_.set_direction(direction_.data()); }
   // Sets the directions from u. Costs one or two evaluations of the right-hand side.
   void decide(Vec u, double t);
+  // Gives nodes without friction (of amplitude 0), which never rest, the direction of their psi in u, where
+  // an accepted step ends. Whether one has turned, on any rank. Collective where the scene has such nodes.
+  bool follow_frictionless(Vec u);
   // The right-hand side at u is another than decide() has seen, because the plate has halted.
   void renew_slope(Vec u);
   bool all_rest() const { return all_rest_; }
@@ -99,6 +102,7 @@ class Stick {
                       const LoadsFrom& loads) const;
   double beyond(const stick_rule::Candidate& c, const double* u, double force, double part) const;
   NormalLoad normal_at(double part) const;
+  bool never_rests(PetscInt i) const;
   template <class Body>
   void for_each_side(const Body& body) const;
   void find_candidates(Vec before, Vec after, double dt);
@@ -120,7 +124,7 @@ class Stick {
   bool loaded_;  // at rest the plate's velocity or the normal load varies
   int dof_;
   PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
-  bool both_sides_;
+  bool both_sides_, frictionless_;      // the latter: a node of any rank has no friction
   std::vector<double> direction_, was_;
   std::vector<double> fixed_threshold_;  // the laws', without a state
   bool all_rest_ = false;
