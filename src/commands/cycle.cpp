@@ -131,7 +131,7 @@ Columns<CycleResults> keys() {
               [](A a) { return a.spectrum && a.spectrum->coupled ? Json(a.spectrum->diffusion) : Json(); }},
              {"residual", "1", "of the equations, in units of psi and eta",
               [](A a) { return a.found.cycle.residual; }},
-             {"unknowns", "1", "of the cell", [](A a) { return a.found.cycle.nodes * a.found.cycle.dof; }},
+             {"unknowns", "1", "of the cell", [](A a) { return a.found.cycle.multipliers.size(); }},
              {"mesh_intervals", "1", "of the collocation in time, 0 with exact stick",
               [](A a) { return a.found.mesh_intervals; }},
              {"branch", "",

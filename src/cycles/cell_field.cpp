@@ -1,6 +1,7 @@
 #include "cycles/cell_field.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
@@ -17,7 +18,12 @@ Frictions smooth_friction(const Scene& scene, bool forced) {
     throw UsageError("friction_law " + to_string(p.law) +
                      " jumps at rest, which collocation in time cannot follow: set "
                      "friction_stick to regularised");
-  return Frictions(scene, 0, scene.n);
+  Frictions laws(scene, 0, scene.n);
+  if (scene.massless() && !laws[0].steep)
+    throw UsageError("-model_m 0: friction_law " + to_string(p.law) +
+                     " may fall with psi, where a block without mass has several velocities under one "
+                     "force; take model_m > 0, or friction with a direct effect (rate-and-state)");
+  return laws;
 }
 
 // f is linear in D2 psi, as in its symbol.
@@ -34,7 +40,8 @@ NodeBlock slope_in_d2(const LinearPoint& point) {
 CellField::CellField(const Scene& scene, int periods)
     : scene_(scene), friction_(smooth_friction(scene, periods > 0)),
       coefficients_(kernel::coefficients_of(scene)), no_friction_(scene, 0),
-      by_d2_(slope_in_d2(no_friction_)), dof_(scene.friction.has_state() ? 3 : 2), periods_(periods),
+      by_d2_(slope_in_d2(no_friction_)), massless_(scene.massless()),
+      dof_(scene.friction.has_state() ? 3 : 2), periods_(periods),
       sliding_(!scene.friction.sticks() ? 0
                : scene.v < 0            ? -1
                                         : 1) {
@@ -55,6 +62,20 @@ CellField::CellField(const Scene& scene, int periods)
     if (scene.medium.nodes_differ()) own_.push_back(scene.coefficients(node));
     couple(node);
   }
+  last_psi_.assign(node_.size(), scene.v);
+}
+
+double CellField::psi(const double* y, std::size_t k) const {
+  const double* const at = y + k * std::size_t(width());
+  if (!massless_) return at[0];
+  const double found = massless(k).velocity(at[0], dof_ == 3 ? at[1] : 0, last_psi_[k]);
+  if (std::isfinite(found)) last_psi_[k] = found;
+  return found;
+}
+void CellField::numbers(const double* y, std::size_t k, double* into) const {
+  const std::size_t w = std::size_t(width());
+  into[0] = psi(y, k);
+  std::copy_n(y + k * w + (massless_ ? 0 : 1), dof_ - 1, into + 1);
 }
 
 // The row of D2 of one node.
@@ -105,7 +126,50 @@ CellField::Loads CellField::loads_at(double phase) const {
   return {scene_.load.varies() ? scene_.load(t) : scene_.v, N, scene_.normal.slope(t) / N};
 }
 
+// By differences, which keep the digits that 1/h^2 would eat.
+double CellField::d2_of_psi(std::size_t k, const std::vector<double>& psi) const {
+  double d2 = held_[k].sum - held_[k].weight * psi[k];
+  for (const TurnedTerm& t : row_[k]) d2 += t.weight * (psi[std::size_t(t.node)] - psi[k]);
+  return d2;
+}
+
+void CellField::massless_rates(const Loads& loads, const double* y, double* f) const {
+  const std::size_t w = std::size_t(width());
+  std::vector<double> velocity;
+  for (std::size_t k = 0; k < node_.size(); ++k) velocity.push_back(psi(y, k));
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    double* out = f + k * w;
+    out[0] = coefficients(k, 0).K0 * (loads.v - velocity[k]) + by_d2_.eta_psi * d2_of_psi(k, velocity);
+    if (dof_ == 3) out[1] = rate_at(k, velocity[k], y[k * w + 1]).g;
+  }
+}
+
+void CellField::massless_jacobian(const double* y, double* J) const {
+  const std::size_t d = std::size_t(dim()), w = std::size_t(width());
+  std::fill(J, J + d * d, 0.);
+  std::vector<std::array<double, 2>> by;  // dpsi by eta and by the state
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    const double velocity = psi(y, k), state = dof_ == 3 ? y[k * w + 1] : 0;
+    const MasslessNode::Slopes slopes = massless(k).slopes(velocity, state);
+    by.push_back({slopes.by_eta, slopes.by_state});
+    if (dof_ < 3) continue;
+    const RatePartials g = rate_at(k, velocity, state);
+    double* const row = J + (k * w + 1) * d + k * w;
+    row[0] = g.g_psi * slopes.by_eta;
+    row[1] = g.g_state + g.g_psi * slopes.by_state;
+  }
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    double* const row = J + k * w * d;
+    const double K0 = coefficients(k, 0).K0;
+    for (std::size_t b = 0; b < w; ++b) row[k * w + b] -= K0 * by[k][b];
+    for (const TurnedTerm& t : row_[k])
+      for (std::size_t b = 0; b < w; ++b)
+        row[std::size_t(t.node) * w + b] += t.weight * by_d2_.eta_psi * by[std::size_t(t.node)][b];
+  }
+}
+
 void CellField::rates_under(const Loads& loads, const double* y, double* f) const {
+  if (massless_) return massless_rates(loads, y, f);
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double* at = y + k * std::size_t(dof_);
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
@@ -144,6 +208,7 @@ LinearPoint CellField::point(double N, const double* y, std::size_t k) const {
 }
 
 void CellField::jacobian_under(double N, const double* y, double* J) const {
+  if (massless_) return massless_jacobian(y, J);
   const std::size_t d = std::size_t(dim()), dof = std::size_t(dof_);
   std::fill(J, J + d * d, 0.);
   for (std::size_t k = 0; k < node_.size(); ++k) {
@@ -162,9 +227,10 @@ void CellField::jacobian_under(double N, const double* y, double* J) const {
 // Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step
 // leads to.
 void CellField::safeguard_step(double phase, const double* y, double h, double* dy) const {
+  if (massless_) return;  // the force is an unknown
   const double N = loads_at(phase).N;
   for (std::size_t k = 0; k < node_.size(); ++k) {
-    if (!friction(k).steep) continue;
+    if (!friction(k).steep || amplitude_[k] == 0) continue;
     const double* at = y + k * std::size_t(dof_);
     double* step = dy + k * std::size_t(dof_);
     const double state = dof_ == 3 ? at[2] : 0, new_state = dof_ == 3 ? at[2] + step[2] : 0;

@@ -4,6 +4,10 @@
 // Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
 // ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
 //
+// The unknowns of a node are those of Model, psi, eta and the state; without mass (model/massless.hpp) eta
+// and the state, from which psi follows. That takes friction that rises with psi at every state (a direct
+// effect), so that there is one psi.
+//
 // Under loads that repeat (sines) the period is known, and the number q of the equations stands for the
 // first unknown at phase 0 (plane.hpp). Friction that sticks is then that of sliding along v, which goes on
 // smoothly through psi = 0: whoever asks sees whether the motion gets there.
@@ -15,6 +19,7 @@
 
 #include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
+#include "model/massless.hpp"
 #include "model/turned_row.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -26,11 +31,11 @@ namespace stickslip {
 class CellField : public VectorField {
  public:
   // `periods`: of the load, that are one of the motion; 0: a plate that goes evenly. Throws UsageError where
-  // friction jumps at rest and nothing forces, or every node is held.
+  // friction jumps at rest and nothing forces, every node is held, or psi does not follow without mass.
   explicit CellField(const Scene& scene, int periods = 0);
 
-  int dim() const override { return dof_ * int(node_.size()); }
-  int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
+  int dim() const override { return width() * int(node_.size()); }
+  int band() const override { return std::min(dim() - 1, width() * (reach_ + 1) - 1); }
   // Without a phase: under no sine.
   void rates(const double* y, double* f) const override { rates_under(steady_loads(), y, f); }
   void rates_at(double phase, const double* y, double* f) const override {
@@ -43,9 +48,14 @@ class CellField : public VectorField {
   }
   void safeguard_step(double phase, const double* y, double h, double* dy) const override;
 
-  double unit(int component) const override { return scales_.of(component % dof_); }
+  double unit(int component) const override { return scales_.of(component % width() + dof_ - width()); }
+  double unit_of_psi() const { return scales_.of(0); }
 
-  int dof() const { return dof_; }
+  int dof() const { return dof_; }                            // numbers of a node: psi, eta, the state
+  int width() const { return massless_ ? dof_ - 1 : dof_; }  // of them unknowns, the last ones
+  // psi of the k-th node; and all its numbers.
+  double psi(const double* y, std::size_t k) const;
+  void numbers(const double* y, std::size_t k, double* into) const;
   int periods() const { return periods_; }
   std::size_t nodes() const { return node_.size(); }  // solved for
   // of the scene, in the order of the unknowns
@@ -78,6 +88,12 @@ class CellField : public VectorField {
   LinearPoint without_friction(std::size_t k) const;
   kernel::Coefficients coefficients(std::size_t k, double v) const;
   void couple(PetscInt node);
+  MasslessNode massless(std::size_t k) const {
+    return {friction(k), amplitude_[k], without_friction(k).B, scene_.friction.back_slip};
+  }
+  double d2_of_psi(std::size_t k, const std::vector<double>& psi) const;
+  void massless_rates(const Loads& loads, const double* y, double* f) const;
+  void massless_jacobian(const double* y, double* J) const;
 
   SlipScales scales_;
   Scene scene_;
@@ -86,12 +102,14 @@ class CellField : public VectorField {
   LinearPoint no_friction_;
   std::vector<NodeCoefficients> own_;  // of the unknown nodes, where they differ
   NodeBlock by_d2_;                    // what a change of D2 psi does to the rates: psi_psi and eta_psi
+  bool massless_;
   int dof_, periods_, reach_ = 0;
   double sliding_;  // the direction of friction that sticks, 0 for other
   std::vector<PetscInt> node_;
   std::vector<double> amplitude_, response_;  // the second: Scene::state_response(), where it is not 0
   std::vector<TurnedRow> row_;                // D2 among the unknown nodes, by their places
   std::vector<Held> held_;
+  mutable std::vector<double> last_psi_;  // without mass: from which the next one is looked for
 };
 
 }  // namespace stickslip

@@ -64,20 +64,22 @@ class Trace {
 }  // namespace
 
 std::vector<double> in_band_order(const CellField& field, const double* natural) {
-  const size_t dof = size_t(field.dof());
+  const size_t dof = size_t(field.dof()), width = size_t(field.width());
   std::vector<double> y(size_t(field.dim()));
-  for (size_t k = 0; k < field.nodes(); ++k) std::copy_n(natural + place(field, k) * dof, dof, &y[k * dof]);
+  for (size_t k = 0; k < field.nodes(); ++k)
+    std::copy_n(natural + place(field, k) * dof + (dof - width), width, &y[k * width]);
   return y;
 }
 
 void unfold(const CellField& field, const double* y, double* natural) {
   const size_t dof = size_t(field.dof());
-  for (size_t k = 0; k < field.nodes(); ++k) std::copy_n(y + k * dof, dof, natural + place(field, k) * dof);
+  for (size_t k = 0; k < field.nodes(); ++k) field.numbers(y, k, natural + place(field, k) * dof);
 }
 
 Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const std::vector<double>& values,
                double period) {
-  const size_t d = size_t(field.dim()), dof = size_t(field.dof()), nodes = field.nodes();
+  const size_t dof = size_t(field.dof()), nodes = field.nodes(), d = nodes * dof,
+               width = size_t(field.dim());
   Cycle cycle;
   cycle.nodes = PetscInt(nodes);
   cycle.dof = field.dof();
@@ -87,12 +89,18 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   for (size_t i = 0; i + 1 < mesh.size(); ++i)
     for (const double part : points)
       cycle.times.push_back(period * (mesh[i] + (mesh[i + 1] - mesh[i]) * part));
-  std::vector<double> shown(values);  // without the harmonic force
+  std::vector<double> all(cycle.times.size() * d);  // what there is of each node, in the order of the field
+  for (size_t k = 0; k < cycle.times.size(); ++k)
+    for (size_t node = 0; node < nodes; ++node)
+      field.numbers(&values[k * width], node, &all[k * d + node * dof]);
+  std::vector<double> shown(all);  // without the harmonic force
   for (size_t k = 0; k < cycle.times.size(); ++k)
     for (size_t node = 0; node < nodes; ++node)
       shown[k * d + node * dof + 1] -= field.scene().push(cycle.times[k]);
   cycle.states.resize((cycle.times.size() + 1) * d);
-  for (size_t k = 0; k < cycle.times.size(); ++k) unfold(field, &shown[k * d], &cycle.states[k * d]);
+  for (size_t k = 0; k < cycle.times.size(); ++k)
+    for (size_t node = 0; node < nodes; ++node)
+      std::copy_n(&shown[k * d + node * dof], dof, &cycle.states[k * d + place(field, node) * dof]);
   std::copy_n(cycle.states.begin(), d, cycle.states.end() - long(d));
   cycle.times.push_back(period);
   measure(cycle);
@@ -101,7 +109,7 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   for (size_t k = 0; k < nodes; ++k) {
     std::vector<double> psi(d);
     psi[k * dof] = 1;
-    const Trace trace(mesh, values, d, psi);
+    const Trace trace(mesh, all, d, psi);
     const double low = trace.extremum(-1), high = trace.extremum(1);
     cycle.psi_min = std::min(cycle.psi_min, low);
     cycle.psi_max = std::max(cycle.psi_max, high);

@@ -135,8 +135,8 @@ class Motion {
     beat("steps");
     for (const double value : s.y)
       if (!std::isfinite(value)) throw Failure("the motion from the start does not stay finite");
-    for (size_t k = 0; k < s.y.size(); k += size_t(field_.dof()))
-      if (std::abs(s.y[k]) > escape_)
+    for (size_t k = 0; k < field_.nodes() && std::isfinite(escape_); ++k)
+      if (std::abs(field_.psi(s.y.data(), k)) > escape_)
         throw Failure("no cycle: the motion from the start grows without bound");
     return s;
   }
@@ -188,8 +188,10 @@ class Settling {
   double last_begin(double t) const { return std::floor(t / field_.period(0).T) * field_.period(0).T; }
   bool passes(const Sample& a, const Sample& b) const {
     if (forced()) return last_begin(b.t) > a.t;
-    return above(a.y[section_]) < 0 && above(b.y[section_]) >= 0;
+    return above(psi(a)) < 0 && above(psi(b)) >= 0;
   }
+  double psi(const Sample& s) const { return field_.psi(s.y.data(), section_); }
+  double psi_between(const Sample& a, const Sample& b, double t) const;
   Passage passage(const Sample& a, const Sample& b) const;
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
@@ -204,7 +206,7 @@ class Settling {
   Motion motion_;
   double tolerance_;
   Steps steps_;
-  size_t section_ = 0;
+  size_t section_ = 0;  // the node whose psi it is
   double level_ = 0;
   std::vector<double> range_;
   std::deque<Sample> samples_;
@@ -214,8 +216,9 @@ class Settling {
 // The node that moves most in the first turns, and its mean velocity there; or v where friction is stiff:
 // then the motion creeps for any number of turns between its slips, and two of these are what is looked at.
 void Settling::choose_section() {
-  const size_t d = size_t(field_.dim()), dof = size_t(field_.dof());
-  std::vector<double> low(d, 1e300), high(d, -1e300), sum(d);
+  const size_t d = size_t(field_.dim()), nodes = field_.nodes();
+  std::vector<double> low(d, 1e300), high(d, -1e300), slowest(nodes, 1e300), fastest(nodes, -1e300),
+      sum(nodes);
   Sample last = motion_.now();
   const bool slips = steps_ == Steps::stiff;
   double end = (slips ? most_turns : 8) * turn(), from = (slips ? most_turns : 2) * turn();
@@ -231,23 +234,37 @@ void Settling::choose_section() {
     for (size_t k = 0; k < d && next.t > from; ++k) {
       low[k] = std::min(low[k], next.y[k]);
       high[k] = std::max(high[k], next.y[k]);
-      sum[k] += (next.t - last.t) * (next.y[k] + last.y[k]) / 2;
+    }
+    for (size_t k = 0; k < nodes && next.t > from; ++k) {
+      const double before = field_.psi(last.y.data(), k), now = field_.psi(next.y.data(), k);
+      slowest[k] = std::min(slowest[k], now);
+      fastest[k] = std::max(fastest[k], now);
+      sum[k] += (next.t - last.t) * (now + before) / 2;
     }
     last = next;
   }
   if (slips && last.t >= most_turns * turn()) throw NotByThese("no slips");
-  for (size_t k = 0; k < d; k += dof)
-    if (high[k] - low[k] > high[section_] - low[section_]) section_ = k;
-  if (!slips) level_ = std::min(high[section_], std::max(low[section_], sum[section_] / (last.t - from)));
+  for (size_t k = 0; k < nodes; ++k)
+    if (fastest[k] - slowest[k] > fastest[section_] - slowest[section_]) section_ = k;
+  if (!slips)
+    level_ = std::min(fastest[section_], std::max(slowest[section_], sum[section_] / (last.t - from)));
   for (size_t k = 0; k < d; ++k) range_.push_back(std::max(high[k] - low[k], 1e-9 * field_.unit(int(k))));
   samples_ = {last};
 }
 
+double Settling::psi_between(const Sample& a, const Sample& b, double t) const {
+  const size_t width = size_t(field_.width()), from = section_ * width;
+  if (width == size_t(field_.dof())) return hermite(a, b, t, from);
+  std::vector<double> y(a.y);
+  for (size_t k = from; k < from + width; ++k) y[k] = hermite(a, b, t, k);
+  return field_.psi(y.data(), section_);
+}
+
 Passage Settling::passage(const Sample& a, const Sample& b) const {
-  const auto excess = [&](double t) { return above(hermite(a, b, t, section_)); };
+  const auto excess = [&](double t) { return above(psi_between(a, b, t)); };
   const double t =
       forced() ? last_begin(b.t)
-               : find_root(excess, {a.t, above(a.y[section_]), b.t, above(b.y[section_])}, 1e-14 * b.t);
+               : find_root(excess, {a.t, above(psi(a)), b.t, above(psi(b))}, 1e-14 * b.t);
   Passage p{t, {}};
   for (size_t k = 0; k < a.y.size(); ++k) p.y.push_back(hermite(a, b, p.t, k));
   return p;
@@ -343,18 +360,18 @@ void Settling::keep(Sample next) {
 bool Settling::oscillates() const {
   double low = 1e300, high = -1e300;
   for (const Sample& s : samples_) {
-    low = std::min(low, s.y[section_]);
-    high = std::max(high, s.y[section_]);
+    low = std::min(low, psi(s));
+    high = std::max(high, psi(s));
   }
-  return high - low >= 1e-7 * field_.unit(0);
+  return high - low >= 1e-7 * field_.unit_of_psi();
 }
 
 // What became of a motion that oscillates no more.
 void Settling::dies_out() const {
-  const double psi = samples_.back().y[section_];
-  const bool slides = std::abs(psi) > 1e-2 * std::abs(cell_.v);
+  const double last = psi(samples_.back());
+  const bool slides = std::abs(last) > 1e-2 * std::abs(cell_.v);
   throw Failure("no cycle: the motion from the start " +
-                (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(psi, 2)));
+                (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(last, 2)));
 }
 
 // Beside a fold the motion lingers where Newton's method finds the cycle that repels: that one is taken only

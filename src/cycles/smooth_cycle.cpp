@@ -59,7 +59,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   const auto field = std::make_shared<const CellField>(cell, guess.periods);
   const size_t d = size_t(field->dim());
   const auto profile = [&](double phase, double* y) {
-    std::vector<double> natural(d);
+    std::vector<double> natural(field->nodes() * size_t(field->dof()));
     guess.at(phase, natural.data());
     const std::vector<double> here = in_band_order(*field, natural.data());
     std::copy(here.begin(), here.end(), y);
@@ -80,8 +80,9 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
     return field->periods() > 0 ? std::abs(coarse.q() - fine.q()) / unit
                                 : std::abs(std::expm1(coarse.q() - fine.q()));
   };
-  std::vector<int> velocities;
-  for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
+  std::vector<int> velocities;  // among the unknowns
+  for (int a = 0; a < field->dim() && field->width() == field->dof(); a += field->dof())
+    velocities.push_back(a);
   if (solve(s))
     if (auto found = solve_to_accuracy<PeriodicEquations>(
             solve, std::move(s), {tolerance, d > 3 ? 8. : 12., velocities, {}, change, "the cycle"}))

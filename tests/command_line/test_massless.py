@@ -241,3 +241,103 @@ def test_laboratory_sliders_run_to_their_end():
                "-friction_law rate-and-state -friction_a 0.01 -friction_b 0.02 -friction_D 1e-2 -friction_psi0 1e-9 -init_psi 1.1e-9 "
                "-ts_max_time 4e11")
     check(s["status"] == "done", f"{s['status']}")
+
+
+def drawn_oscillation(rng):
+    """A chain of one or two blocks on springs below the critical stiffness, K = (v/D) [(b - a)/v - zeta/f0], both state laws, both signs."""
+    n, a, sign, law = int(rng.integers(1, 3)), 10**rng.uniform(-3, -1), rng.choice([-1, 1]), rng.choice(["ageing", "slip"])
+    b, D, v = a * rng.uniform(1.3, 2), 10**rng.uniform(-5, 0), 10**rng.uniform(-6, 0)
+    zeta = 10**rng.uniform(-3, -0.5) * (b - a) / v
+    k0 = ((b - a) - zeta * v) / D * (rng.uniform(0.8, 0.95) if law == "slip" else rng.uniform(0.5, 0.9))
+    k1 = k0 * rng.uniform(0.2, 1) if n > 1 else 0
+    return {"model_form": "chain", "model_m": 0, "grid_n": n, "bc_left": "free", "model_k0": k0, "model_k1": k1, "model_zeta": zeta,
+            "model_v": v * sign, "friction_law": "rate-and-state", "state_law": law, "friction_a": a, "friction_b": b, "friction_D": D,
+            "friction_mu0": 0.6, "friction_psi0": v, "init_psi": 1.1 * v * sign, "cycle_cell": 0}
+
+
+def oscillation(p):
+    """Period and range of psi of what its motion settles on, of the unknowns ln |psi| and ln theta, all blocks moving alike."""
+    system = System(p | {"grid_n": 1})
+    side, law, v, K0, B = np.sign(p["model_v"]), system.law, p["model_v"], system.K0, system.B
+
+    def rates(t, y):
+        psi = side * np.exp(y[:1])
+        by_psi, by_state, _, _ = law.slopes(psi, y[1:])
+        g = law.rate(psi, y[1:])
+        return np.concatenate([(K0 * (v - psi) - by_state * g) / (B + by_psi) / psi, g])
+
+    def section(t, y):
+        return y[0] - np.log(abs(v))
+    section.direction, section.terminal = 1, True
+
+    def turns(t, y):
+        return rates(t, y)[0]
+    turn = 2 * np.pi * p["friction_D"] / abs(v)
+    y, periods = np.r_[np.log(1.1 * abs(v)), law.steady(np.array([1.1 * v]))], [np.inf]
+    for _ in range(60):
+        y = y + 1e-9 * turn * rates(0, y)  # off the section
+        flow = solve_ivp(rates, (0, 1000 * turn), y, method="LSODA", rtol=1e-11, atol=1e-12, events=(section, turns))
+        y, extremes = flow.y_events[0][0], flow.y_events[1][:, 0]
+        periods.append(flow.t[-1] + 1e-9 * turn)
+        settled = abs(periods[-1] / periods[-2] - 1)
+        if settled < 1e-10:
+            break
+    return periods[-1], settled, np.exp(extremes.max()), np.exp(extremes.min())
+
+
+def test_cycles_against_scipy(scenes):
+    """Period and range; and one multiplier of a block is 1, another smaller."""
+    for index, p in scenes(drawn_oscillation, 66, short=5):
+        period, settled, fastest, slowest = oscillation(p)
+        text = words(p)
+        found, said = run(text, command="cycle")
+        check(abs(found["period"] / period - 1) < 1e-8 + 10 * settled, f"{index}: {text}: {found['period']}, {period} ({settled:.0e})")
+        high, low = (found["psi_max"], found["psi_min"]) if p["model_v"] > 0 else (-found["psi_min"], -found["psi_max"])
+        check(abs(high / fastest - 1) < 1e-5 + settled and abs(low / slowest - 1) < 1e-5 + settled,
+              f"{index}: {high, fastest}, {low, slowest}")
+        check(found["unknowns"] == 2 * p["grid_n"] == len(found["multipliers"]) and found["multiplier_error"] < 1e-7,
+              f"{index}: {found['multipliers']}")
+
+
+def test_multipliers_by_the_trace():
+    """Of one block the product of both multipliers is exp of the integral of the trace; and those of a small mass tend to them."""
+    p = {"model_form": "chain", "model_m": 0, "grid_n": 1, "bc_left": "free", "model_k0": 0.3, "model_zeta": 0.05, "model_v": 1, "friction_law":
+         "rate-and-state", "friction_a": 0.5, "friction_b": 1.0, "friction_D": 1, "friction_mu0": 5, "friction_psi0": 1, "cycle_cell": 0, "init_psi": 1.2}
+    found, _ = run(words(p), command="cycle")
+    system, law = System(p), System(p).law
+
+    def rates(t, y):
+        psi, s = np.exp(y[:1]), y[1:2]
+        by_psi, by_state, g_psi, g_s = law.slopes(psi, s)
+        g, resists = law.rate(psi, s), system.B + by_psi
+        # d psi_eta = 1/resists, d psi_s = -by_state/resists: the trace of (eta, s)
+        trace = -system.K0 / resists + g_s - g_psi * by_state / resists
+        return np.concatenate([(system.K0 * (system.v(t) - psi) - by_state * g) / resists / psi, g, trace])
+
+    def section(t, y):
+        return y[0]
+    section.direction = 1
+    flow = solve_ivp(rates, (0, 200), [np.log(1.2), *law.steady(np.array([1.2])), 0], method="LSODA", rtol=1e-11, atol=1e-11, events=section)
+    period = np.diff(flow.t_events[0])[-1]
+    product = np.exp(np.diff(flow.y_events[0][:, 2])[-1])
+    check(abs(found["period"] / period - 1) < 1e-8, f"{found['period']}, {period}")
+    mine = np.prod([m["re"] for m in found["multipliers"]])
+    check(abs(mine - product) < 1e-6 * abs(product) + 1e-12, f"{mine}, {product}")
+    apart = []
+    for m in (1e-3, 1e-4):
+        heavy, _ = run(words(p | {"model_m": m}), command="cycle")
+        apart.append(abs(heavy["period"] / found["period"] - 1))
+    check(apart[1] < 0.15 * apart[0] < 1e-2, f"{apart}")
+
+
+def test_branches_without_mass():
+    """In zeta, up to the Hopf point where K = (v/D) [(b - a)/v - zeta/f0]."""
+    p = {"model_form": "chain", "model_m": 0, "grid_n": 1, "bc_left": "free", "model_k0": 0.3, "model_zeta": 0.05, "model_v": 1, "friction_law":
+         "rate-and-state", "friction_a": 0.5, "friction_b": 1.0, "friction_D": 1, "friction_mu0": 5, "friction_psi0": 1, "init_psi": 1.2}
+    found, _ = run(words(p | {"cycle_continue": "model_zeta", "cycle_to": 0.3}), command="cycle")
+    hopf = [point["value"] for point in found["special"] if point["kind"] == "hopf"]
+    check(len(hopf) == 1 and abs(hopf[0] - 0.2) < 1e-6, f"{found['special']}, {found['branch']['end']}")
+    waves = p | {"cycle_spectrum": "true", "model_k1": 1, "grid_n": 4, "bc_left": "periodic"}
+    refused(words(waves), 2, "cycle_spectrum", "model_m", command="cycle")
+    refused("-model_form chain -model_m 0 -model_zeta 2 -friction_law stribeck -friction_stick regularised -friction_eps 1 "
+            "-state_law healing", 2, "model_m", "rate-and-state", command="cycle")
