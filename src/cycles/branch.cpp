@@ -134,10 +134,11 @@ CycleBranch Walk::follow(int steps) {
 // A slip that only grazes rest is named: its depth falls to zero like the distance of the parameter.
 std::string Walk::stuck(const std::string& refusal) {
   const auto depth = last_.cycle.tests.find("graze");
-  if (depth != last_.cycle.tests.end() && std::abs(depth->second) < 1e-6) {
-    branch_.special.push_back({"graze", last_.value, last_.cycle.period, 0, branch_.points.size() - 1});
-    return "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
-  }
+  const bool grazes = depth != last_.cycle.tests.end() && std::abs(depth->second) < 1e-6;
+  const std::string kind = grazes ? "graze" : path_.ends();
+  if (!kind.empty())
+    branch_.special.push_back({kind, last_.value, last_.cycle.period, 0, branch_.points.size() - 1});
+  if (grazes) return "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
   return "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal;
 }
 

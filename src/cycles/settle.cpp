@@ -304,7 +304,7 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
     return false;
   }
   // near the motion that it was sought from, and no rest
-  return forced() || (found.cycle.amplitude > 1e-6 * field_.unit(0) &&
+  return forced() || (found.cycle.amplitude > 1e-6 * field_.unit_of_psi() &&
                       std::abs(found.cycle.period / period - 1) < .1);
 }
 

@@ -35,6 +35,7 @@ class SmoothPath : public CyclePath {
   Place direction() const override { return of_length_one(place_of(there_.t, there_.t)); }
   Cycle cycle() const override { return smooth().cycle; }
   void accept() override;
+  std::string ends() const override { return comes_to_rest_ ? "graze" : ""; }
   std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
                                     const Others& others) const override;
   SmoothCycle smooth() const;
@@ -83,6 +84,7 @@ class SmoothPath : public CyclePath {
   int periods_;  // of the load, in a cycle
   Stand here_, there_;
   int section_ = -1;
+  bool comes_to_rest_ = false;  // where go() has been last
   double turn_ = 1, candidate_turn_ = 1;                 // -1 once the amplitude has passed through zero
   mutable std::shared_ptr<const CellField> last_field_;  // of the candidate
 };
@@ -122,6 +124,7 @@ Condition SmoothPath::condition(const Place& row, double right) const {
 }
 
 void SmoothPath::go(double length, const Place& row, double right) {
+  comes_to_rest_ = false;
   using Solution = MeshSolution<PeriodicEquations>;
   Solution s{equations(here_.mesh, here_.x.back()), here_.x};
   const std::vector<Condition> conditions{plane(s.equations.field(), here_), condition(row, right)};
@@ -134,8 +137,8 @@ void SmoothPath::go(double length, const Place& row, double right) {
   const double moved = periods_ > 0 ? change / unit : std::expm1(change);
   const double period_error = std::isnan(change) ? here_.period_error : std::abs(moved) + 4e-15;
   stand_at(std::move(s.x), s.mesh(), period_error, conditions[0]);
-  if (slides() && !(least_along(course(*last_field_), last_field_->scene().v) > 0))
-    throw Failure("a slip comes to rest");
+  comes_to_rest_ = slides() && !(least_along(course(*last_field_), last_field_->scene().v) > 0);
+  if (comes_to_rest_) throw Failure("a slip comes to rest");
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
@@ -198,8 +201,8 @@ void SmoothPath::mix(const Others& others) {
   there_.mesh = std::move(sum.mesh);
 }
 
-// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v <
-// 0): there every cycle of a family passes, large or small.
+// The same with phase 0 where unknown `section_`, a velocity or without mass a force, passes its mean upwards
+// (downwards where v < 0): there every cycle of a family passes, large or small.
 SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   const Collocation& gauss = Collocation::gauss5();
   const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);
@@ -240,9 +243,9 @@ std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, d
                                               const Others& others) const {
   auto other = std::make_unique<SmoothPath>(*this);
   if (section_ < 0) {
-    const size_t dof = size_t(last_field_->dof());
+    const size_t width = size_t(last_field_->width());
     other->section_ = 0;
-    for (size_t a = 0; a < d_; a += dof)
+    for (size_t a = 0; a < d_; a += width)
       if (scale_[a] > scale_[size_t(other->section_)]) other->section_ = int(a);
   }
   other->there_ = other->begun_at_mean(there_);

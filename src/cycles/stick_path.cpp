@@ -2,10 +2,12 @@
 // may turn round.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "cycles/stick_return_map.hpp"
 #include "numerics/beside.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
@@ -17,22 +19,34 @@ using std::size_t;
 constexpr double difference = 1e-6;  // of the parameter's range: the map's derivative by it, to a millionth
 constexpr double settled = 1e-12;    // change of Newton's method
 
+// What turns one sequence of starts and stops (StickCycle) into the next, by the first word that only one of
+// them has; "" where it only begins elsewhere.
+std::string change_of_sequence(const std::string& before, const std::string& after) {
+  std::vector<std::string> was = split(before, ' '), is = split(after, ' ');
+  const auto [lost, gained] = std::mismatch(was.begin(), was.end(), is.begin(), is.end());
+  const auto more = [](const std::vector<std::string>& these, const std::vector<std::string>& those,
+                       const std::string& word) {
+    return std::count(these.begin(), these.end(), word) > std::count(those.begin(), those.end(), word);
+  };
+  const std::string word = gained != is.end() && more(is, was, *gained) ? *gained
+                           : lost != was.end() && more(was, is, *lost)  ? *lost
+                                                                        : "";
+  if (word.empty()) return (before + before).find(after) == std::string::npos ? "order" : "";
+  const bool reverses = before.find('!') != after.find('!');
+  return reverses ? "pass" : word.back() == '.' ? "graze" : "release";
+}
+
 class StickPath : public CyclePath {
  public:
   StickPath(std::function<Scene(double)> at, double from, double range, const StickCycle& first)
       : scene_at_(std::move(at)), range_(range) {
-    const StickMotion m(scene_at_(from));
     there_.cycle = first;
-    there_.x = free_values(m, first);
-    const std::vector<size_t> free = free_unknowns(m, first);
-    for (size_t k = 0; k < free.size(); ++k)
-      scale_.push_back(m.scale(free[k]) + std::abs(there_.x[k]));
-    there_.x.push_back(from);
-    there_.t.assign(there_.x.size(), 0.);
+    stand_at(StickMotion(scene_at_(from)), from, there_);
     here_ = there_;
   }
 
   void go(double length, const Place& row, double right) override {
+    ends_.clear();
     Stand next = here_;
     for (size_t k = 0; k < next.x.size(); ++k) next.x[k] += length * here_.t[k] * unit(k);
     double last = StickMotion::never;
@@ -53,8 +67,10 @@ class StickPath : public CyclePath {
     const StickMotion m(scene_at_(next.x.back()));
     set_free_values(m, free_of(next), next.cycle);
     close_cycle(m, next.cycle);
-    if (next.cycle.sequence != here_.cycle.sequence)
+    if (next.cycle.sequence != here_.cycle.sequence) {
+      ends_ = change_of_sequence(here_.cycle.sequence, next.cycle.sequence);
       throw Failure("the sequence of starts and stops changes: " + next.cycle.sequence);
+    }
     there_ = std::move(next);
   }
 
@@ -78,7 +94,17 @@ class StickPath : public CyclePath {
   Place direction() const override { return of_length_one(there_.t); }
   Cycle cycle() const override { return described(scene_at_(there_.x.back()), there_.cycle); }
   const StickCycle& candidate() const { return there_.cycle; }
-  void accept() override { here_ = there_; }
+  std::string ends() const override { return ends_; }
+  void accept() override {
+    here_ = there_;
+    renewed_.reset();
+    try {
+      move_section();
+    } catch (const Failure&) {  // the phase at hand still serves
+      there_ = here_;
+    }
+  }
+  std::optional<Place> renewed() const override { return renewed_; }
   std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
                                     const Others& others) const override {
     auto other = std::make_unique<StickPath>(*this);
@@ -99,6 +125,53 @@ class StickPath : public CyclePath {
     std::vector<double> x, t;  // free coordinates and the parameter; the tangent, in units of the places
     StickCycle cycle;
   };
+  // Under a load starts and stops move along the branch, and the phase at which the map is taken is to stay
+  // clear of them: where one has come near it becomes the middle of the longest time without any, and the
+  // coordinates are others.
+  void move_section() {
+    const StickMotion m(scene_at_(here_.x.back()));
+    if (!m.forced() || std::abs(here_.t.back()) < 1e-3) return;  // beside a fold the way is not told by it
+    std::vector<double> times;
+    StickReturnMapOptions wishes;
+    wishes.changed = [&times](const std::vector<double>&, const StickState& now) {
+      if (now.t > 0) times.push_back(now.t);
+    };
+    return_map_of(m, here_.cycle, wishes);
+    if (times.empty()) return;
+    const double whole = here_.cycle.period, nearest = std::min(times.front(), whole - times.back());
+    double longest = 0, middle = 0;
+    for (size_t k = 0; k < times.size(); ++k) {
+      const double next = k + 1 < times.size() ? times[k + 1] : times[0] + whole;
+      if (next - times[k] <= longest) continue;
+      longest = next - times[k];
+      middle = std::fmod(times[k] + longest / 2, whole);
+    }
+    if (nearest > 0.15 * longest) return;
+    StickState p{0, here_.cycle.start, {}, {}, 0};
+    m.decide(p);
+    while (p.t < middle) m.advance(p, middle);
+    Stand moved = here_;
+    moved.cycle.start = p.u;
+    moved.cycle.load.time = std::fmod(here_.cycle.load.time + middle, whole);
+    for (size_t i = 0; i < p.direction.size(); ++i) moved.cycle.load.rests[i] = p.direction[i] == 0;
+    moved.cycle = polished(m, moved.cycle);
+    const double side = here_.t.back() < 0 ? -1 : 1;
+    stand_at(m, here_.x.back(), moved);
+    here_ = there_ = std::move(moved);
+    Place row(here_.x.size());
+    row.back() = side;
+    renewed_ = tangent(row);
+    here_ = there_;
+  }
+  // The coordinates of its cycle, and their units.
+  void stand_at(const StickMotion& m, double parameter, Stand& s) {
+    s.x = free_values(m, s.cycle);
+    const std::vector<size_t> free = free_unknowns(m, s.cycle);
+    scale_.clear();
+    for (size_t k = 0; k < free.size(); ++k) scale_.push_back(m.scale(free[k]) + std::abs(s.x[k]));
+    s.x.push_back(parameter);
+    s.t.assign(s.x.size(), 0.);
+  }
   double unit(size_t k) const { return k < scale_.size() ? scale_[k] : range_; }
   static std::vector<double> free_of(const Stand& s) { return {s.x.begin(), s.x.end() - 1}; }
 
@@ -144,6 +217,8 @@ class StickPath : public CyclePath {
   double range_;
   std::vector<double> scale_;
   Stand here_, there_;
+  std::optional<Place> renewed_;
+  std::string ends_;
 };
 
 }  // namespace

@@ -31,7 +31,13 @@ void Continuation::begin() {
   Place ahead(here_.size());
   ahead.back() = to_ > from_ ? 1 : -1;
   t_ = path_.tangent(ahead);
+  accept();
+}
+
+void Continuation::accept() {
   path_.accept();
+  here_ = path_.place();
+  if (const std::optional<Place> renewed = path_.renewed()) t_ = *renewed;
 }
 
 Continuation::End Continuation::follow() {
@@ -78,9 +84,8 @@ Continuation::End Continuation::step() {
     to_the_end();
     tangent = path_.tangent(t_);
   }
-  path_.accept();
-  here_ = path_.place();
   t_ = tangent;
+  accept();
   if (End end = accepted()) return end;
   if (arrive) return "reached " + name_ + " = " + rounded_text(to_, 8);
   if ((value() - from_) * (to_ - from_) < 0)

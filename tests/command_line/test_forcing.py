@@ -199,6 +199,36 @@ def test_a_slide_that_stops(tmp_path, monkeypatch):
     assert abs(branch["special"][-1]["value"] - exact) < 1e-5
 
 
+def test_the_end_of_a_branch_is_listed(tmp_path, monkeypatch):
+    """Where a slip only just comes to rest SciPy's motion rests once in a period of the force on one side, and not on the other; two blocks
+    that change places end a branch, too."""
+    monkeypatch.chdir(tmp_path)
+    one = (f"{CHAIN}-grid_n 1 -bc_left free -friction_law coulomb -friction_fd 0.572 -model_zeta 0.322 -model_k0 0.5 -model_v 0.1981 "
+           "-init_psi 0.1981 -init_eta .5 -load_force_sine_period 7.969 -load_force_sine_amplitude ")
+    branch, _ = run(one + "0.4192 -cycle_continue load_force_sine_amplitude -cycle_to 0.08384", command="cycle")
+    end = branch["special"][-1]
+    points = branch["branch"]["points"]
+    assert end["kind"] == "graze" and end["value"] == points[-1]["value"] and end["after"] == len(points) - 1
+    u, changes = [0.1981, 0.5], []  # down to there, so that no other motion is met
+    for amplitude in (0.1285, 0.127, 0.1264, end["value"] * (1 + 1e-4), end["value"] * (1 - 1e-4)):
+        motion = Stick(System(one + repr(amplitude)), u)
+        motion.advance(6 * 7.969)
+        settled = motion.changes
+        u = motion.advance(12 * 7.969)
+        changes.append(motion.changes - settled)
+    assert changes[:4] == 4 * [12] and changes[4] != 12, changes
+    two, _ = run(f"{CHAIN}-grid_n 3 -bc_left free -cycle_cell 0 -friction_law coulomb -friction_fd 0.6 -friction_amplitude_profile 0:1,2:1.2 "
+                 "-model_zeta 0.2 -model_k0 0.5 -model_k1 0.3 -model_v 0.3 -init_psi 0.3 -init_eta 0.5 -load_sine_amplitude 0.3 "
+                 "-load_sine_period 8 -cycle_continue model_k0 -cycle_to 1.5", command="cycle")
+    ends = [p for p in two["special"] if p["kind"] in ("graze", "pass", "release", "order")]
+    assert ("no cycle" in two["branch"]["end"]) == bool(ends), (two["branch"]["end"], two["special"])
+    # starts and stops pass every phase of the load on this branch
+    far, _ = run(f"{CHAIN}-grid_n 1 -bc_left free -friction_law stribeck -friction_fc 0.806 -model_zeta 0.237 -model_k0 0.5 -model_v 0.2365 "
+                 "-init_psi 0.2365 -init_eta .5 -load_force_sine_amplitude 0.427 -load_force_sine_period 12.18 "
+                 "-cycle_continue load_force_sine_period -cycle_to 2.435", command="cycle")
+    assert far["special"][-1]["kind"] == "graze" and far["branch"]["points"][-1]["value"] < 3.1, far["branch"]["end"]
+
+
 def test_where_a_slide_under_a_normal_load_ends(tmp_path, monkeypatch):
     """SciPy's matrix of the slide has a multiplier on the unit circle at the point that `boundary` finds: of a block, and of a ring, where a
     wave of half the load's frequency resonates."""
@@ -256,7 +286,7 @@ def test_refusals():
     for command in ("spectrum", "wave", "chart"):
         refused("-wave_length 60 " + sine, 2, "load_sine_amplitude", command, command=command)
     force = "-load_force_sine_amplitude 0.1 -load_force_sine_period 3 -model_form chain "
-    refused(force + "-model_k0 0", 2, "load_force_sine_amplitude", "model_k0")
+    refused(force + "-model_k0 0 -load_v 0:1,2:1", 2, "load_v", "model_k0 0")
     refused(force + "-grid_n 4 -bc_left free -model_k0_profile 0:1,3:2", 2, "load_force_sine_amplitude", "model_k0_profile")
     refused(axis + sine + "-boundary_of stick-slip", 2, "boundary_of", command="boundary")
     refused(axis + sine + "-boundary_verify 1", 2, "boundary_verify", command="boundary")

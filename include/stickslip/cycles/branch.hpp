@@ -23,6 +23,8 @@ class CyclePath : public BranchPath {
  public:
   virtual Cycle cycle() const = 0;      // the candidate
   virtual Place direction() const = 0;  // the tangent that was asked for last, once more
+  // Where go() has thrown last since the cycle is of another kind there: the kind of special point between.
+  virtual std::string ends() const { return ""; }
   // A path of another family, at() of its parameter, which has a cycle near `from`: go() starts there from a
   // mixture of candidates, this one with the weight that the others leave of 1. These are paths of the same
   // kind.
@@ -40,7 +42,12 @@ class CyclePath : public BranchPath {
 //                    its range
 //   long-wave        the phase diffusion changes its sign
 //   wave             a wave of finite length begins or ceases to grow while long ones decay: `wavenumber`
-//   graze            a slip just reaches rest: the branch of a cycle with rests ends
+//   graze            a slip just reaches rest: the branch of a cycle with rests ends, or of one under a load
+//                    that never rests
+//   pass             a slip swings back and just stops, or passes psi = 0 into the next: likewise
+//   release          the force on a node at rest just reaches its threshold: likewise
+//   order            two nodes start or stop at the same time, on either side of it one after the other: here
+//                    too the branch ends
 //   branch           a multiplier passes 1 and the parameter does not turn: other cycles branch off
 // and the names of Cycle::tests.
 struct SpecialPoint {

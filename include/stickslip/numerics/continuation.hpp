@@ -31,6 +31,8 @@ class BranchPath {
   virtual Place place() const = 0;              // of the candidate, like all below
   virtual Place tangent(const Place& row) = 0;  // of the branch, of length 1, on the side of `row`
   virtual void accept() = 0;                    // its tangent, as asked for last, is what go() goes along
+  // Where accept() has changed the coordinates of places: that tangent in the new ones.
+  virtual std::optional<Place> renewed() const { return std::nullopt; }
 };
 
 // The walk along a branch, towards the value `to` of the parameter `name`, which stands at `from`, in at most
@@ -75,6 +77,7 @@ class Continuation {
 
  private:
   End step();
+  void accept();  // the branch stands at the candidate
 
   int steps_;
   double longest_, ds_;
