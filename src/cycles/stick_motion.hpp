@@ -141,8 +141,8 @@ class StickMotion {
     bool to_come;  // at the end of the step the change is past
     bool turns;    // it is a turn at which the node is to stop
   };
-  bool never_rests(int node) const { return amplitude_[node] == 0; }  // it has no friction
-  bool follow_frictionless(StickState& p) const;                     // whether one of them has turned
+  bool never_rests(int node) const { return amplitude_[node] == 0 && !held(node); }  // it has no friction
+  bool follow_frictionless(StickState& p) const;  // whether one of them has turned
   double normal(const double* u) const;  // load, by which friction is multiplied
   double law_threshold(int node, const double* u) const;
   double beyond(const PossibleChange& c, const double* u) const;

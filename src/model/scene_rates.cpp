@@ -41,8 +41,8 @@ double wave_frequency_of_medium(const Scene& s) {
 double wave_frequency(const Scene& s) {
   if (s.medium.varies()) return wave_frequency_of_medium(s);
   const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-  if (s.massless()) return (s.K0() + s.K1() * kappa2) / sliding_resistance(s);
-  return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
+  const double K = (springless(s) ? 0 : s.K0()) + s.K1() * kappa2;
+  return s.massless() ? K / sliding_resistance(s) : std::sqrt(s.A() * K);
 }
 
 double own_frequency(const Scene& s) {

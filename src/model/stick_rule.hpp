@@ -21,7 +21,7 @@ constexpr double close = 1e-12;     // relative: changes this near to each other
 constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
 
 // So short a time, with that frequency of the shortest wave, may a node slip without anyone seeing it.
-inline double unseen_slip(double frequency) { return 1e-9 / std::max(frequency, 1e-300); }
+inline double unseen_slip(double frequency) { return frequency > 0 ? 1e-9 / frequency : 0; }
 
 inline double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 

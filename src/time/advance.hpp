@@ -29,8 +29,9 @@ struct Advance {
   Idling idling;
   double same_time = 0;  // what is no later than that is at one time (base/idling.hpp)
 
-  explicit Advance(const Model& model)
-      : idling(model.comm()), same_time(1e-14 / std::max(model.wave_frequency(), 1e-300)) {}
+  explicit Advance(const Model& model) : idling(model.comm()) {
+    if (const double frequency = model.wave_frequency(); frequency > 0) same_time = 1e-14 / frequency;
+  }
 
   Integrator::Verdict tell(TS ts, const Integrator::Step& step) {
     next_dt = step.next_dt;

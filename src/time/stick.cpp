@@ -85,7 +85,9 @@ Vec Stick::total_force(Vec u, std::size_t number) {
   return total;
 }
 
-bool Stick::never_rests(PetscInt i) const { return frictionless_ && model_.amplitude()[i] == 0; }
+bool Stick::never_rests(PetscInt i) const {
+  return frictionless_ && i >= free_begin_ && i < free_end_ && model_.amplitude()[i] == 0;
+}
 
 template <class Body>
 void Stick::for_each_side(const Body& body) const {

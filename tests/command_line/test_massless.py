@@ -287,7 +287,7 @@ def oscillation(p):
 
 def test_cycles_against_scipy(scenes):
     """Period and range; and one multiplier of a block is 1, another smaller."""
-    for index, p in scenes(drawn_oscillation, 66, short=5):
+    for index, p in scenes(drawn_oscillation, 66, short=2):
         period, settled, fastest, slowest = oscillation(p)
         text = words(p)
         found, said = run(text, command="cycle")
