@@ -81,7 +81,7 @@ void compare(const Case& c, const std::string& implicit) {
   const Model model(PETSC_COMM_WORLD, Scene::from(Options::from("run", given), false));
   const VecHandle u = model.create_vector(), found = model.create_vector();
   start(model, u);
-  const ErrorNorm norm{1e-6, 1e-6, NORM_2};
+  const ErrorNorm norm{Tolerances(), NORM_2};
   const double dt = usual_step(model, implicit, u);
   const Implicit what = implicit == "friction" ? Implicit::friction
                         : implicit == "wave"   ? Implicit::wave
