@@ -82,7 +82,7 @@ class Model {
   long rhs_evaluations() const;              // of every part, since the start
   void count_evaluations(long count) const;  // made by others (fused_step)
 
-  // A matrix with the pattern of the Jacobian of `part` (BAIJ, block size dof()).
+  // A matrix with the pattern of the Jacobian of `part` (block size dof(); BAIJ, AIJ without a stencil).
   MatHandle create_jacobian(Part part) const;
   // J = alpha I + beta d(rhs part)/du at u. Collective.
   void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
