@@ -209,7 +209,11 @@ std::vector<SummaryKey> observed_keys() {
        "in the second "
        "half of the run; of several probes the mean. A passage counts after psi was short of v by a "
        "hundredth of |v| (1e-3 "
-       "for v = 0). Null where a probe has fewer than two"},
+       "for v = 0). Null where a probe has fewer than two. To the digits that `period_error` leaves"},
+      {"period_error", "time",
+       "error of `period`, about: how far passages lie beside equal distances, and where steps are chosen by "
+       "their error `ts_rtol` of it for each step in a period; null with `accuracy_of` period, whose error "
+       "is `error_estimate`"},
       {"measured_over", "time",
        "from when to when amplitude, speed and pulses were measured: the last quarter"},
       {"maxima", "length/time",

@@ -158,9 +158,11 @@ void Run::make_observers(const MeasureMaker& measure, const std::optional<Checkp
   }
   const std::vector<double> probes = options_.reals("out_probes");
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
-  if (!probes.empty())
-    observers_.push_back(
-        std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
+  if (!probes.empty()) {
+    auto period = std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false);
+    period_ = period.get();
+    observers_.push_back(std::move(period));
+  }
   if (measure) {  // after the others, so that its number stands
     auto made = measure(model, scene_);
     measure_ = made.get();
@@ -271,6 +273,8 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   limit_steps();
   if (integrator_->adaptive()) {
     const Tolerances& of_psi = integrator_->tolerances();
+    regime_->errors_up_to(of_psi.relative[0]);
+    if (period_) period_->errors_up_to(of_psi.relative[0]);
     if (maxima_) maxima_->errors_up_to(of_psi.absolute[0], of_psi.relative[0]);
     if (exponents_) exponents_->errors_up_to(of_psi.absolute[0]);
   }

@@ -11,6 +11,7 @@
 #include "commands/run_control.hpp"
 #include "output/catalogue.hpp"
 #include "output/maxima.hpp"
+#include "output/measures.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/model/plate.hpp"
@@ -116,6 +117,7 @@ class Run {
   bool counts_displacement_ = false;            // not by forces
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;                // one of them
+  Period* period_ = nullptr;                // another, with out_probes
   Maxima* maxima_ = nullptr;                // another, with out_maxima
   LyapunovExponents* exponents_ = nullptr;  // another, with lyapunov_count
   const Measure* measure_ = nullptr;        // another, or none

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
+#include "base/json_values.hpp"
 #include "base/local_values.hpp"
 #include "output/forward.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -46,10 +48,17 @@ double largest_of(const Lagrange& through, const double* values, double low, dou
 // ---- period ----
 
 Period::Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact)
-    : probes_(model, whole, x), attention_(probes_.nodes(), model.scene().n), work_(model.create_vector()),
+    : model_(model), probes_(model, whole, x), attention_(probes_.nodes(), model.scene().n),
+      work_(model.create_vector()),
       name_(seen_from(whole, "period")), forward_(forward(whole)), level_(whole.v),
       depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact),
-      places_(x.size()) {}
+      places_(x.size()), rates_(model) {
+  for (std::size_t p = 0; p < places_.size() && !exact; ++p)
+    probes_.for_parts(p, [&](std::size_t index, double weight) {
+      const PetscInt own = probes_.nodes()[index] - model.first();
+      if (own >= 0 && own < model.local()) parts_.push_back({p, index, own, weight, {}, {}});
+    });
+}
 
 void Period::plan(ObservationPlan& plan) {
   by_clusters_ = plan.by_clusters;
@@ -58,7 +67,22 @@ void Period::plan(ObservationPlan& plan) {
 
 void Period::step(const ObservedStep& step) {
   if (step.t < begin_ || places_.empty()) return;
-  if (!exact_) return see(step.t, probes_.read(step.u).psi);
+  if (by_clusters_) return see(step.t, probes_.read(step.u).psi);
+  if (!exact_) {
+    if (!seen_.empty() && !(step.t > seen_.back().t)) return;
+    look_at_parts(step.u, step.t);
+    seen_.push_back({step.t, probes_.read(step.u).psi});
+    steps_ += 1;
+    if (seen_.size() > 2) seen_.erase(seen_.begin());
+    for (std::size_t p = 0; p < places_.size() && seen_.size() == 2; ++p) {
+      std::optional<StepCourse> psi;
+      pass(p, [&](double t) {
+        if (!psi) psi = course(p);
+        return (*psi)((t - seen_[0].t) / (seen_[1].t - seen_[0].t));
+      });
+    }
+    return;
+  }
   if (step.t_before < begin_) {  // the first one: from the beginning of the half on
     step.interpolate(begin_, work_);
     seen_.push_back({begin_, probes_.read(work_).psi});
@@ -73,9 +97,35 @@ void Period::step(const ObservedStep& step) {
     });
 }
 
+void Period::look_at_parts(Vec u, double t) {
+  const Reading values(u);
+  const int dof = model_.dof();
+  if (rates_.ask_beside()) rates_.look_beside(&values[0]);
+  for (OwnPart& part : parts_) {
+    const double* const at = &values[part.node * dof];
+    part.before = part.now;
+    part.now = {at[0], at[1], dof == 3 ? at[2] : 0, model_.normal_load(t).N,
+                rates_.ask_beside() ? rates_.beside(part.node) : 0};
+  }
+}
+
+StepCourse Period::course(std::size_t place) const {
+  const double dt = seen_[1].t - seen_[0].t;
+  double rates[2] = {0, 0};
+  for (const OwnPart& part : parts_) {
+    if (part.place != place) continue;
+    const double aside = part.before.psi + part.now.psi;
+    rates[0] += part.weight * rates_.of(part.node, part.before, aside, dt);
+    rates[1] += part.weight * rates_.of(part.node, part.now, aside, dt);
+  }
+  sum_over(model_.comm(), rates, 2);
+  return {seen_[0].psi[place], seen_[1].psi[place], rates[0], rates[1], dt};
+}
+
 void Period::see(double t, const std::vector<double>& psi) {
   if (!seen_.empty() && !(t > seen_.back().t)) return;
   seen_.push_back({t, psi});
+  steps_ += 1;
   if (seen_.size() > 4) seen_.erase(seen_.begin());
   if (seen_.size() < 2) return;
   std::vector<double> times;
@@ -108,35 +158,53 @@ void Period::pass(std::size_t index, const std::function<double(double)>& psi_at
   if (a < -depth_) place.armed = 1;
   if (!(place.armed > 0 && a < 0 && b >= 0)) return;
   place.armed = 0;
-  place.last =
-      find_root([&](double t) { return forward_ * (psi_at(t) - level_); }, {before.t, a, now.t, b}, 0);
-  if (place.passages == 0) place.first = place.last;
-  place.passages += 1;
+  place.passages.add(
+      find_root([&](double t) { return forward_ * (psi_at(t) - level_); }, {before.t, a, now.t, b}, 0));
 }
 
 std::vector<double> Period::values() const {
   std::vector<double> periods;
   for (const Place& place : places_)
-    if (place.passages > 1) periods.push_back((place.last - place.first) / (place.passages - 1));
+    if (place.passages.passages() > 1) periods.push_back(place.passages.mean());
   if (periods.size() < places_.size()) periods.clear();
   return periods;
 }
 
 void Period::summarise(Summary& summary, Vec u) {
   const std::vector<double> periods = values();
-  if (u && !periods.empty())
-    summary.set("period", std::accumulate(periods.begin(), periods.end(), 0.) / double(periods.size()));
+  if (!u || periods.empty()) return;
+  const double mean = std::accumulate(periods.begin(), periods.end(), 0.) / double(periods.size());
+  double error = 0;
+  for (const Place& place : places_) error = std::max(error, place.passages.error());
+  set_period(summary, mean, error, relative_, steps_ / (places_[0].passages.passages() - 1));
+  if (!exact_) return;
+  summary.set("period", mean);
+  summary.set("period_error", Json());  // error_estimate has it
 }
 
 void Period::archive(Archive& a) {
-  if (!a.has(name_)) return;
-  a.list(name_, [&](NumberList& x) {
-    for (Place& p : places_) x(p.armed, p.passages, p.first, p.last);
+  if (!a.has(name_ + ".passages")) return;
+  a.list(name_ + ".passages", [&](NumberList& x) {
+    x(steps_);
+    for (Place& p : places_) {
+      x(p.armed);
+      p.passages.archive(x);
+    }
     x.rest(seen_, [&](Moment& moment) {
       moment.psi.resize(places_.size());
       x(moment.t, moment.psi);
     });
   });
+  if (!exact_) {
+    std::vector<Archive::Own> own;
+    for (OwnPart& part : parts_) {
+      std::size_t at = 5 * part.index;
+      NodeMoment& now = part.now;
+      for (double* value : {&now.psi, &now.eta, &now.state, &now.normal, &now.beside})
+        own.push_back({at++, value});
+    }
+    a.spread(name_ + ".nodes", 5 * probes_.nodes().size(), own);
+  }
   if (a.restores() ? a.has("period.advanced") : by_clusters_)
     a.list("period.advanced", [&](NumberList& x) { attention_.archive(x); });
 }

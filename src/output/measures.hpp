@@ -19,6 +19,8 @@
 
 #include "output/cluster_rows.hpp"
 #include "output/field_watch.hpp"
+#include "output/repeats.hpp"
+#include "output/step_course.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/measure.hpp"
 #include "stickslip/output/probe.hpp"
@@ -26,8 +28,9 @@
 namespace stickslip {
 
 // At each of x, in one over time. `exact`: passages from the dense output (every step of the second half is
-// then kept for it); else from the cubic through the values at four steps, which costs next to nothing and
-// errs by dt^4.
+// then kept for it); else from the course of psi in the step that passes (step_course.hpp), which costs next
+// to nothing and errs by dt^4; of clusters, from the cubic through the values at four steps. What is not
+// exact is rounded to its error, which stands beside it.
 class Period final : public Measure {
  public:
   Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact);
@@ -36,13 +39,21 @@ class Period final : public Measure {
   void step(const ObservedStep& step) override;
   void moved(const MovedNodes& nodes, const MediumNow& now) override;
   void changed(double t, const MediumNow& now) override;
+  void errors_up_to(double relative) { relative_ = relative; }  // of steps whose error is controlled
   void archive(Archive& a) override;
-  void summarise(Summary& summary, Vec u) override;  // `period`
+  void summarise(Summary& summary, Vec u) override;  // `period`, `period_error`
   std::vector<double> values() const override;       // one at each place
 
  private:
   struct Place {
-    double armed = 0, passages = 0, first = 0, last = 0;
+    double armed = 0;
+    Repeats passages;
+  };
+  struct OwnPart {  // of psi at a place, a node of this rank
+    std::size_t place, index;
+    PetscInt node;
+    double weight;
+    NodeMoment before, now;
   };
   struct Moment {
     double t;
@@ -51,14 +62,19 @@ class Period final : public Measure {
   void see(double t, const std::vector<double>& psi);
   void see(double t, const MediumNow& now);
   void pass(std::size_t place, const std::function<double(double)>& psi_at);
+  void look_at_parts(Vec u, double t);
+  StepCourse course(std::size_t place) const;  // between the last two moments, which are those of a step
 
+  const Model& model_;
   Probes probes_;
   Attention attention_;
   VecHandle work_;
   std::string name_;  // of the passages in a checkpoint
-  double forward_, level_, depth_, begin_;
+  double forward_, level_, depth_, begin_, relative_ = 0, steps_ = 0;
   bool exact_, by_clusters_ = false;
   std::vector<Place> places_;
+  NodeRates rates_;
+  std::vector<OwnPart> parts_;
   std::vector<Moment> seen_;  // up to four, the newest last
 };
 

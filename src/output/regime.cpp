@@ -11,6 +11,7 @@
 #include "output/forward.hpp"
 #include "output/field_watch.hpp"
 #include "output/regime_classifier.hpp"
+#include "output/repeats.hpp"
 #include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
@@ -87,6 +88,7 @@ struct Regime::Impl {
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
   bool jumps_at_rest, by_clusters = false;
+  double relative = 0;  // error that steps may make
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
@@ -179,6 +181,8 @@ void Regime::know(double growth, double growth_taken, const std::string& why_not
   impl_->growth_taken = growth_taken;
 }
 
+void Regime::errors_up_to(double relative) { impl_->relative = relative; }
+
 void Regime::step(const ObservedStep& step) {
   const LogEvent::Scope logged(measuring());
   impl_->measured.reset();
@@ -219,6 +223,8 @@ const Measured& Regime::result(Vec u) {
     m.time_to_decide = j.time_to_decide;
   }
   m.period = j.period;
+  m.period_error = j.period_error;
+  m.period_steps = m.period ? record.steps * *m.period / (record.t - record.begin) : 0;
   const bool forwards = forward(impl_->model.scene()) > 0;
   m.low = forwards ? j.low : -j.high;
   m.high = forwards ? j.high : -j.low;
@@ -255,7 +261,8 @@ void Regime::summarise(Summary& summary, Vec u) {
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);
   summary.set("time_to_decide", m.time_to_decide);
   summary.set("amplitude", m.amplitude);
-  if (m.period && !scene.forced()) summary.set("period", m.period);
+  if (m.period && !scene.forced())
+    set_period(summary, *m.period, m.period_error, impl_->relative, m.period_steps);
   if (m.high >= m.low) {
     summary.set("psi_low", m.low);
     summary.set("psi_high", m.high);

@@ -5,6 +5,9 @@
 #include <limits>
 #include <vector>
 
+#include "numerics/straight_line.hpp"
+#include "output/repeats.hpp"
+
 namespace stickslip {
 
 namespace {
@@ -41,20 +44,10 @@ struct Trend {
 
 double slope_of(const std::vector<double>& x, const std::vector<double>& y, std::size_t from, std::size_t to,
                 double* error) {
-  const auto n = double(to - from);
-  double mx = 0, my = 0, xx = 0, xy = 0, rest = 0;
-  for (std::size_t i = from; i < to; ++i) {
-    mx += x[i] / n;
-    my += y[i] / n;
-  }
-  for (std::size_t i = from; i < to; ++i) {
-    xx += (x[i] - mx) * (x[i] - mx);
-    xy += (x[i] - mx) * (y[i] - my);
-  }
-  const double slope = xy / xx;
-  for (std::size_t i = from; i < to; ++i) rest += std::pow(y[i] - my - slope * (x[i] - mx), 2);
-  if (error) *error = std::sqrt((rest / (n - 2) + peak_error * peak_error) / xx);
-  return slope;
+  StraightLine line;
+  for (std::size_t i = from; i < to; ++i) line.add(x[i], y[i]);
+  if (error) *error = std::sqrt((line.variance() + peak_error * peak_error) / line.width());
+  return line.slope();
 }
 
 // 0 of none.
@@ -93,7 +86,7 @@ class RegimeClassifier {
     const Trend t = trend();
     if (t.known && size(end_ - last_, end_) > settled * scale_) j.rate = t.rate;
     j.motion = word(t);
-    j.period = repeating_period();
+    find_repeating_period(j);
     const double period = a_.forcing > 0 ? a_.forcing : j.period.value_or(0);
     const auto wanted = period > 0 ? std::size_t(std::ceil(period / r_.window)) : end_ - quarter_;
     for (std::size_t w = end_ - std::min(wanted, end_); w < r_.windows; ++w)
@@ -190,33 +183,31 @@ class RegimeClassifier {
 
   // The time between passages where it is the same all through the second half, at every place that passes
   // and at half of the places at least. Windows with several passages have their mean.
-  std::optional<double> repeating_period() const {
+  void find_repeating_period(Judgement& j) const {
     constexpr double same = 1e-3;
-    double least = HUGE_VAL, most = 0, sum = 0;
+    double least = HUGE_VAL, most = 0, sum = 0, error = 0;
     std::size_t repeat = 0;
     for (const std::size_t p : r_.free) {
-      double before = 0, first = 0, count = -1;
+      Repeats repeats;
       for (const std::size_t w : passing_) {
         const double passages = r_.passages[w * r_.places + p], last = r_.passed[w * r_.places + p];
         if (w < half_ || w >= end_ || passages == 0) continue;
-        if (count < 0) {
-          first = last;
-          count = 0;
-        } else {
-          const double time = (last - before) / passages;
+        if (repeats.passages() > 0) {
+          const double time = (last - repeats.last()) / passages;
           least = std::min(least, time);
           most = std::max(most, time);
-          count += passages;
         }
-        before = last;
+        repeats.add(last, passages);
       }
-      if (count < 0) continue;
-      if (count < 3) return std::nullopt;
-      sum += (before - first) / count;
+      if (repeats.passages() == 0) continue;
+      if (repeats.passages() < 4) return;
+      sum += repeats.mean();
+      error = std::max(error, repeats.error());
       ++repeat;
     }
-    if (repeat == 0 || 2 * repeat < r_.free.size() || most - least > same * most) return std::nullopt;
-    return sum / double(repeat);
+    if (repeat == 0 || 2 * repeat < r_.free.size() || most - least > same * most) return;
+    j.period = sum / double(repeat);
+    j.period_error = error;
   }
 
   std::size_t stretch() const {  // windows that hold a period

@@ -30,6 +30,7 @@ struct Judgement {
   Motion motion = Motion::undecided;
   std::optional<double> rate, time_to_decide;
   std::optional<double> period;  // where the motion repeats
+  double period_error = 0;       // as its passages tell
   // of forward psi, over the last period; the last quarter where it has none
   double low = HUGE_VAL, high = -HUGE_VAL;
 };

@@ -196,6 +196,7 @@ void Traces::follow(std::size_t k, const MovedNodes& m, PetscInt at) {
 
 // The place has `next` at t.
 void Traces::advance(std::size_t k, double t, const Sample& next) {
+  advanced_ += 1;
   open_windows(k, t, next);
   take_in(k, t, next);
   last_dt_[k] = t - time_[k];
@@ -217,6 +218,10 @@ void Traces::take_in(std::size_t k, double t, const Sample& sample) {
   if ((next - now) * (now - before) < 0) refine(k, dt, sample, low_[at], high_[at]);
 }
 
+double Traces::steps() const {
+  return largest_over(model_.comm(), places_.empty() ? 0 : advanced_ / double(places_.size()));
+}
+
 MotionRecord Traces::record() const {
   MotionRecord r;
   r.begin = begin_;
@@ -225,6 +230,7 @@ MotionRecord Traces::record() const {
   r.windows = started_ ? windows_ : 0;
   r.places = count_;
   r.free = free_;
+  r.steps = steps();
   r.steady.assign(count_, -infinity);  // every place has one owner: beside it the others have minus infinity
   for (const Place& place : places_) r.steady[place.index] = place.steady;
   const std::array<const std::vector<double>*, 4> parts = {&low_, &high_, &passages_, &passed_};
@@ -277,6 +283,9 @@ bool Traces::archive(Archive& a, bool by_clusters) {
         moments.push_back({at++, value});
   }
   a.spread("traces.moments", 12 * count_, moments);
+  double steps = a.restores() ? 0 : this->steps();
+  a("traces.steps", steps);
+  advanced_ = steps * double(places_.size());
   if (a.restores() ? !a.has("traces.times") : !by_clusters) return true;
   std::vector<Archive::Own> times;
   for (std::size_t k = 0; k < places_.size(); ++k) {

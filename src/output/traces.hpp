@@ -4,8 +4,8 @@
 // cells: then at the same nodes of that cell), every accepted step is looked at: the least and the largest
 // psi in each window of time, how often psi passes its value in steady sliding upwards, and when it last did.
 // Within a step an extremum, a passage, and psi where a window begins are those of its course
-// (step_course.hpp), so that they do not depend on where steps fall (error dt^4). The windows are equally long;
-// when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
+// (step_course.hpp), so that they do not depend on where steps fall (error dt^4). The windows are equally
+// long; when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
 // windows, however many steps it takes; that of a run stopped long before its end in half as many as it has
 // taken steps, if these are fewer. Costs the same at any number of nodes; nothing is communicated before
 // record(). Where only what slides is advanced each place goes on by the steps of its cluster, and rests from
@@ -28,6 +28,7 @@ namespace stickslip {
 struct MotionRecord {
   double begin = 0, window = 0, t = 0;  // of the first window; length of each; time reached
   std::size_t windows = 0, places = 0;
+  double steps = 0;  // that a place has taken, in the mean
   const double *low = nullptr, *high = nullptr, *passages = nullptr;
   const double* passed = nullptr;    // time of the last passage in the window, where there is one
   std::vector<double> steady;        // psi in steady sliding at each place
@@ -69,11 +70,13 @@ class Traces {
   void widen_windows(double t, double dt);
   double index_of(double t) const;
   void join_pairs();
+  double steps() const;  // collective
   StepCourse course(const Place& place, const Sample& from, const Sample& to, double dt) const;
   void refine(std::size_t place, double dt, const Sample& next, double& low, double& high) const;
 
   const Model& model_;
   NodeRates rates_;
+  double advanced_ = 0;  // steps, of all places
   double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0;
   bool started_ = false;
   std::size_t count_ = 0;                               // places on all ranks

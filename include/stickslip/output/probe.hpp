@@ -64,6 +64,11 @@ class Probes {
   // From node(i, unknowns), of one rank.
   const Values& read(const std::function<void(PetscInt, double*)>& node);
   const std::vector<PetscInt>& nodes() const { return nodes_; }  // that are looked at, of the model
+  // psi at a place is a sum over some of them, by their places in that list: take(index, weight).
+  template <class Take>
+  void for_parts(std::size_t place, const Take& take) const {
+    for (const Part& part : rows_[place]) take(part.index, part.weight);
+  }
 
  private:
   struct Part {

@@ -63,6 +63,8 @@ struct Measured {
   // between passages, where the motion repeats: all in the second half of the run, three or more, agree to
   // 1e-3
   std::optional<double> period;
+  double period_error = 0;  // as the passages tell
+  double period_steps = 0;  // in one, of a node
   // of psi at the places looked at, over the last period, that of the load if it has one, else the last
   // quarter
   double low = 0, high = 0;
@@ -81,6 +83,9 @@ class Regime : public Observer {
   // where they alone grow; the steps' one is theirs then, and so is the word. To be told before result().
   void know(double growth, double growth_taken, const std::string& why_not = "",
             double beyond = std::numeric_limits<double>::quiet_NaN());
+
+  // Of the steps, where their error is controlled: relative.
+  void errors_up_to(double relative);
 
   void plan(ObservationPlan& plan) override;
   void step(const ObservedStep& step) override;
