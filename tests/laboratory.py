@@ -6,10 +6,13 @@ from scipy.integrate import solve_ivp
 
 def draw(generator, most_blocks=20, with_mass=True):
     """Options of a chain whose blocks are alike: a law, a state law, and in metres, seconds and pascals what a machine or a fault
-    has. k0 is 0.05 to 0.85 of the critical stiffness. A mass is `light` times that with which inertia would matter in a slip,
+    has. k0 is 0.05 to 0.85 of the critical stiffness, and friction, which falls by (b - a) for each of some 18 e-folds of psi in a
+    slip, stays above 0 there. A mass is `light` times that with which inertia would matter in a slip,
     (zeta/2)^2/k0: from none to all."""
     a = 10 ** generator.uniform(-2.5, -1.5)
-    b, D, v = a * generator.uniform(1.2, 2.5), 10 ** generator.uniform(-6, -3), 10 ** generator.uniform(-9, -5)
+    mu0 = generator.uniform(0.3, 0.8)
+    b = a + min(a * generator.uniform(0.2, 1.5), mu0 / 20)
+    D, v = 10 ** generator.uniform(-6, -3), 10 ** generator.uniform(-9, -5)
     f0, zeta = 10 ** generator.uniform(5.5, 8), 10 ** generator.uniform(6.3, 6.9)
     k0 = f0 * (b - a) / D * generator.uniform(0.05, 0.85)
     light = generator.choice([0, 10 ** generator.uniform(-6, 0)]) if with_mass else 0
@@ -18,7 +21,7 @@ def draw(generator, most_blocks=20, with_mass=True):
             "model_m": float(light * zeta ** 2 / (4 * k0)), "model_k0": k0, "model_k1": k0 * 10 ** generator.uniform(0, 2), "model_f0": f0,
             "model_zeta": zeta, "model_v": v, "friction_law": str(generator.choice(["dieterich", "rate-and-state"])),
             "state_law": str(generator.choice(["ageing", "slip"])), "friction_a": a, "friction_b": b, "friction_D": D,
-            "friction_mu0": generator.uniform(0.3, 0.8), "friction_psi0": v, "init_psi": v * generator.uniform(1.01, 1.2),
+            "friction_mu0": mu0, "friction_psi0": v, "init_psi": v * generator.uniform(1.01, 1.2),
             "init_state": D / v, "init_eta": "steady"}
 
 
