@@ -23,7 +23,8 @@ def draw(rng):
         inertia = 10 ** rng.uniform(-6, -2)
     b = a * rng.uniform(1.3, 2.5)
     k0 = part * f0 * (b - a) / D
-    eta = None if rng.random() < 0.4 else rng.uniform(0, 0.6)
+    # not so low that psi = psi0 exp((eta - mu0)/a) is no number any more
+    eta = None if rng.random() < 0.4 else max(rng.uniform(0, 0.6), 0.6 - 600 * a)
     return dict(law=law, eta=eta, state=state, a=a, b=b, D=D, mu0=0.6, psi0=v * 10 ** rng.uniform(-1, 2), v=v, f0=f0, k0=k0,
                 m=k0 * (inertia * D / v) ** 2)
 
