@@ -17,8 +17,8 @@ and the moment is compared with the displacement, the integral of v(t). For each
             the catalogue is stationary
   cut       what b becomes with another smallest event
   main      with --main: foreshocks and aftershocks of main shocks. Two events are near each other if the plate moves by less
-            than W (default 0.1) between their beginnings and their regions touch (share a node or are neighbours). A main shock
-            is an event of magnitude M or more with no larger event near it; the smaller events near it are its foreshocks, if
+            than W (default f0/(50 k0)) between their beginnings and their regions touch (share a node or are neighbours). A
+            main shock is an event of magnitude M or more with no larger event near it; the smaller events near it are its foreshocks, if
             they begin before it, or its aftershocks. Main shocks closer than W to either end of the time that counts are left
             out. Their numbers per main shock are compared with the number of smaller events that touch its region in the same
             displacement of the plate by their mean rate in the whole run; the errors are square roots of the numbers
@@ -289,6 +289,16 @@ def touching(run, k):
     return (left <= left[k] + count[k]) & (left[k] <= left + count)
 
 
+def window_of(run):
+    """A fiftieth of the way of the plate over which its springs take up the friction force."""
+    o = run["options"]
+    if o["model_form"] != "chain":
+        return 0.02 * float(o["model_gamma"])
+    if not float(o["model_k0"]) > 0:
+        raise Unusable("has model_k0 0: say how far the plate moves, --window (with --main)")
+    return 0.02 * float(o["model_f0"]) / float(o["model_k0"])
+
+
 def sequences(runs, main, window):
     """Foreshocks and aftershocks of the main shocks, as --main says; None where there is no main shock."""
     mains = fore = after = expected = 0
@@ -421,7 +431,7 @@ def main():
             table[name] = statistics(members, arguments.fit)
             print("\n".join(words(name, table[name])))
             if arguments.main is not None:
-                table[name]["sequences"] = sequences(members, arguments.main, arguments.window or 0.1)
+                table[name]["sequences"] = sequences(members, arguments.main, arguments.window or window_of(members[0]))
                 print(sequence_words(table[name]["sequences"], arguments.main))
         if arguments.by and np.isfinite(size_exponent(table)):
             print(f"typical moment ~ nodes^{size_exponent(table):.2f}")

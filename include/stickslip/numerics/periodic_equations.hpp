@@ -132,8 +132,9 @@ class PeriodicEquations {
     double last_step = -1, q_step = 0, residual = 0;
 
     // After the step dx, in units of the components, whose last entries are the `numbers` sought: is the
-    // solution there? Converged by the step: the residual cannot fall below the round-off of stiff intervals. In a front of width w (in phase)
-    // y cannot be known better than 1e-16/w, so that there the numbers decide.
+    // solution there? Converged by the step: the residual cannot fall below the round-off of stiff
+    // intervals. In a front of width w (in phase) y cannot be known better than 1e-16/w, so that there the
+    // numbers decide.
     bool took(const std::vector<double>& dx, std::size_t numbers);
   };
   Newton newton(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
