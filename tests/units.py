@@ -372,6 +372,8 @@ def draw_start(random, o):
     o |= {"init_psi": random.uniform(0.05, 1), "init_eta": random.uniform(-0.5, 0.9)}
     if o["grid_n"] > 1:
         o |= {"init_noise": random.uniform(0.01, 0.2), "init_seed": int(random.integers(1000))}
+        if o.get("model_form") != "chain":
+            o["init_noise_length"] = random.uniform(0.5, 2)
     if o["friction_law"] in ("coulomb", "stribeck", "slip-weakening") and random.random() < 0.5:
         o["init_psi"] = 0.
         if o["grid_n"] > 1:

@@ -21,27 +21,3 @@ def test_cycle(scenes):
 
 def test_wave(scenes):
     explore(scenes, units.draw_wave, "wave", 905, 3, 1e-7)
-
-
-def test_run(scenes):
-    explore(scenes, units.draw_run, "run", 901, 8, 1e-6)
-
-
-def test_events(scenes):
-    explore(scenes, units.draw_events, "run", 906, 3, 1e-6)
-
-
-def test_accuracy(scenes):
-    explore(scenes, units.draw_accuracy, "run", 907, 2, 1e-3)
-
-
-def test_sweep(scenes):
-    explore(scenes, units.draw_sweep, "sweep", 908, 2, 1e-6)
-
-
-def test_chart(scenes):
-    explore(scenes, units.draw_chart, "chart", 909, 1, 1e-3)
-
-
-def test_fit(scenes):
-    explore(scenes, units.draw_fit, "fit", 910, 1, 1e-6)
