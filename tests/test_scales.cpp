@@ -74,7 +74,7 @@ TEST_CASE("scales follow the units to the last bit, by powers of two", "[scales]
   CHECK(after.state == before.state * length);
 }
 
-TEST_CASE("tolerances of a step by its options", "[scales]") {
+TEST_CASE("tolerances of a step by its options", "[scales][serial]") {
   const Settings slow = chain({{"friction_law", "rate-and-state"}, {"model_v", "1e-6"}});
   const auto of = [&](const Settings& more) {
     Settings all = slow;

@@ -494,7 +494,18 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
   loose.k0 = loose.k1 = 0;
   Model model(PETSC_COMM_WORLD, loose);
   const Plate plate;
-  CHECK_THROWS_AS(Displacement(model, plate), UsageError);
+  Displacement displacement(model, plate);  // blocks that nothing ties are where they have gone
+  CHECK(Displacement::floats(loose));
+  VecHandle u = model.create_vector(), chi = displacement.create_vector();
+  fill(model, u);
+  const std::vector<double> gone(model.local(), 0.75), start(model.local(), 0.), force(model.local(), 0.3);
+  displacement.count(start, force, [&](double) -> const std::vector<double>& { return gone; });
+  displacement.solve(u, 2, chi);
+  double least, most;
+  SS_TRY(VecMin(chi, nullptr, &least));
+  SS_TRY(VecMax(chi, nullptr, &most));
+  CHECK(least == 0.75);
+  CHECK(most == 0.75);
 }
 
 TEST_CASE("the energy balance of a run closes at the method's order", "[energy][serial]") {

@@ -144,8 +144,8 @@ class Rescaling:
         """The exponent of a result of that name."""
         if name in ("value", "value2", "next_value", "error", "error2") and any(o in options for o in set(OF_OTHERS.values())):
             number = "2" if name.endswith("2") else ""
-            of = next((options[o] for o in ("boundary_parameter" + number, "cycle_continue", "wave_continue" + number)
-                       if o in options), None)
+            of = next((options[o] for o in ("boundary_parameter" + number, "cycle_continue", "wave_continue" + number,
+                                            "sweep_parameter1") if o in options), None)
             return self.exponent(dimension(of, options)) if of else 0
         if name == options.get("fit_parameters"):
             return self.exponent(dimension(name, options))
@@ -171,6 +171,14 @@ def with_multiplier(row):
     return row | {"multiplier": float(np.exp(row["growth_rate"] * row["period"]))}
 
 
+def decimals(row, name):
+    """How far, relative, a number may lie beside itself that is rounded to decimal digits, which are others in other units:
+    a period and its error to the second digit of the error."""
+    if not row.get("period") or not row.get("period_error") or name not in ("period", "period_error"):
+        return 0
+    return 0.1 * (1 if name == "period_error" else row["period_error"] / row["period"])
+
+
 def ordered(values):
     """Numbers re + i im by size to nine digits and imaginary part, as a list may have those alike in any order."""
     size = max(abs(complex(z["re"], z["im"])) for z in values) or 1
@@ -189,7 +197,8 @@ def differences(one, other, units, options, tolerance, path="", inherited=0):
                 exponent = units.key(name, options)
             if "/multipliers" in path:  # re and im of numbers
                 exponent = 0
-            yield from differences(one.get(name), other.get(name), units, options, tolerance, f"{path}/{name}", exponent)
+            allowed = max(tolerance, decimals(one, name))
+            yield from differences(one.get(name), other.get(name), units, options, allowed, f"{path}/{name}", exponent)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         if "multipliers" in path or "eigenvalues" in path:  # of equal size in any order
             one, other = ordered(one), ordered(other)

@@ -8,6 +8,7 @@
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/reach.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/springs.hpp"
 #include "stickslip/model/stencil.hpp"
 
@@ -49,6 +50,14 @@ double own_frequency(const Scene& s) {
   if (s.medium.varies()) return own_frequency(s.averaged());
   if (springless(s)) return 0;
   return s.massless() ? s.K0() / sliding_resistance(s) : std::sqrt(s.A() * s.K0());
+}
+
+double unit_rate(const Scene& scene) {
+  const Scene s = scene.medium.varies() ? scene.averaged() : scene;
+  const double K = (springless(s) ? 0 : s.K0()) + (s.form == Form::chain ? s.K1() : 0);
+  if (s.massless()) return K > 0 ? K / sliding_resistance(s) : 1;  // at rest in every sense
+  const Scales scales = scales_of(s);
+  return K > 0 ? std::sqrt(s.A() * K) : s.A() * scales.eta / scales.psi;
 }
 
 double viscous_rate(const Scene& s) {

@@ -209,7 +209,7 @@ std::vector<Setting> chart_settings(const Options& options) {
     grids.push_back(scene.n);
   }
 
-  const double own = own_frequency(scene), rate = own > 0 ? own : 1;
+  const double own = own_frequency(scene), rate = own > 0 ? own : unit_rate(scene);
   std::vector<Setting> settings;
   for (const MethodSpec& method : list)
     for (const int order : orders)

@@ -5,6 +5,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/output/probe.hpp"
 
 namespace stickslip {
@@ -84,7 +85,8 @@ class HeightAhead final : public Measure {
 std::optional<Jump> Jump::of(const Scene& scene, const Start& start) {
   if (scene.form != Form::continuum || scene.nu != 0) return std::nullopt;
   const Start::Misfit misfit = start.misfit(scene);
-  const double least = 1e-8 * (1 + std::abs(scene.left_value) + std::abs(scene.right_value));
+  const double ends = std::abs(scene.left_value) + std::abs(scene.right_value);
+  const double least = 1e-8 * (slip_scales(scene).psi + ends);
   const bool left = std::abs(misfit.left) > least, right = std::abs(misfit.right) > least;
   if (left == right) return std::nullopt;
   return Jump(scene, left, left ? misfit.left : misfit.right);

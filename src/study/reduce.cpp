@@ -12,6 +12,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/slip_scales.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/waves/wave_stability.hpp"
@@ -69,16 +70,24 @@ std::vector<double> fetch(Vec from, PetscInt first, PetscInt count) {
   return values;
 }
 
-// Whether every value is that of `cell` nodes before it, up to the tolerance. Collective.
-bool repeats(const Model& model, Vec u, PetscInt cell, double tolerance) {
+// Whether every value is that of `cell` nodes before it, up to a part of the largest of its kind and of the
+// scene's scale. Collective.
+bool repeats(const Model& model, Vec u, PetscInt cell, double part) {
   const PetscInt dof = model.dof(), begin = std::max<PetscInt>(model.first(), cell),
                  count = std::max<PetscInt>(0, model.first() + model.local() - begin);
   const std::vector<double> before = fetch(u, (begin - cell) * dof, count * dof);
   bool same = true;
+  const Scales scales = scales_of(model.scene());
+  double allowed[3] = {};
+  for (int d = 0; d < dof && part > 0; ++d) {
+    double largest;
+    SS_TRY(VecStrideNorm(u, d, NORM_INFINITY, &largest));
+    allowed[d] = part * std::max(scales.of(d), largest);
+  }
   {
     const Reading own(u);
     const double* here = own + (begin - model.first()) * dof;
-    for (std::size_t i = 0; i < before.size() && same; ++i) same = std::abs(here[i] - before[i]) <= tolerance;
+    for (std::size_t i = 0; i < before.size() && same; ++i) same = std::abs(here[i] - before[i]) <= allowed[i % dof];
   }
   return !on_any_rank(model.comm(), !same);
 }
@@ -104,9 +113,7 @@ PetscInt cells_of_start(const Model& model, const Options& options, Vec u) {
       options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
   if (promised == 1) return 1;
   if (promised > 1) {
-    double size;
-    SS_TRY(VecNorm(u, NORM_INFINITY, &size));
-    return repeats(model, u, whole.n / promised, 1e-9 * std::max(1., size)) ? promised : 1;
+    return repeats(model, u, whole.n / promised, 1e-9) ? promised : 1;
   }
   for (const PetscInt cell : likely_cells(model, u, whole.ring()))
     if (repeats(model, u, cell, 0)) return whole.n / cell;

@@ -21,7 +21,7 @@ constexpr std::size_t nearest = 4;  // points of which a value between is made
 // ---- values at the nodes from values at other points
 // ---------------------------------------------------------------
 
-double tolerance(const Scene& s) { return 1e-9 * (1 + s.length); }
+double tolerance(const Scene& s) { return 1e-9 * s.length; }
 
 bool stands_on_nodes(const Scene& s, const std::vector<double>& x) {
   bool stands = PetscInt(x.size()) == s.n;

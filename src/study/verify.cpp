@@ -8,6 +8,7 @@
 #include "base/local_values.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/vary.hpp"
@@ -118,8 +119,9 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
     if (x < 0 || x > 1 || y < 0 || y > 1) break;
     auto at = growth.leading(x, y);
     if (!at) continue;
-    const double frequency = std::isfinite(at->mode.value.imag()) ? at->mode.value.imag() : 1;
-    if (std::abs(at->mode.value.real()) >= 0.01 * (frequency + 0.1)) return Beside{x, y, *at};
+    const double own = unit_rate(growth.scene(x, y));
+    const double frequency = std::isfinite(at->mode.value.imag()) ? at->mode.value.imag() : own;
+    if (std::abs(at->mode.value.real()) >= 0.01 * (frequency + 0.1 * own)) return Beside{x, y, *at};
   }
   return std::nullopt;
 }
@@ -127,7 +129,9 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
 Verified check_beside(const GrowthRate& growth, const Options& options, const Beside& place) {
   const Mode& mode = place.leading.mode;
   const SteadySliding s(growth.scene(place.x, place.y));
-  const double rate = std::abs(mode.value.real()), duration = std::min(3000., 9 / rate + 60);
+  const double own = unit_rate(s.scene), rate = std::abs(mode.value.real());
+  const double duration = std::min(3000 / own, 9 / rate + 60 / own);
+  const double velocity = slip_scales(s.scene).psi;
   const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
   const double k = mode.wavenumber == 0 ? longest
                    : std::isfinite(mode.wavenumber)
@@ -139,8 +143,8 @@ Verified check_beside(const GrowthRate& growth, const Options& options, const Be
   const auto perturbed = [&](double amplitude) {
     return [&, amplitude](const Model& model, Vec u) { start_beside(model, s, amplitude, k, u); };
   };
-  follow_both(v, there, Scene::from(there, false), s, duration, perturbed(0.01),
-              perturbed(2 * std::max(1., std::abs(s.scene.v))));
+  follow_both(v, there, Scene::from(there, false), s, duration, perturbed(0.01 * velocity),
+              perturbed(2 * velocity));
   return v;
 }
 
@@ -195,10 +199,11 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
                           ? 0
                           : Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value /
                                 (one.K0() * std::abs(one.v));
-  const double rate = std::max(1e-3, std::abs(v.growth));
-  const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
+  const double own = unit_rate(one), rate = std::max(1e-3 * own, std::abs(v.growth));
+  const double duration = std::min(3000 / own, 9 / rate + 100 / c.frequency) + 8 * load;
+  const double small = 0.01 * slip_scales(one).psi;
   follow_both(
-      v, there, one, s, duration, [&](const Model& model, Vec u) { start_beside(model, s, 0.01, 0, u); },
+      v, there, one, s, duration, [&](const Model& model, Vec u) { start_beside(model, s, small, 0, u); },
       [&](const Model& model, Vec u) { start_on(cycle, model, s, u); });
   return v;
 }

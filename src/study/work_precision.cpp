@@ -72,7 +72,7 @@ void WorkPrecision::read_reference() {
   const Frame frame = read_frame("chart_reference", path);
   const std::string says = "chart_reference " + quoted(path) + ": ";
   const double t_end = options_.real("ts_max_time");
-  if (std::abs(frame.t - t_end) > 1e-12 * (1 + t_end))
+  if (std::abs(frame.t - t_end) > 1e-12 * t_end)
     throw UsageError(fmt::format("{}its last frame is at t = {}, ts_max_time is {}", says,
                                  number_text(frame.t), number_text(t_end)));
   Converged c;
@@ -80,7 +80,7 @@ void WorkPrecision::read_reference() {
   c.scene.n = PetscInt(frame.x.size());
   c.scene.order = std::min(possible_orders(scene_).back(), int(c.scene.n) - 1);
   for (PetscInt i = 0; i < c.scene.n; ++i)
-    if (std::abs(frame.x[i] - c.scene.x(i)) > 1e-9 * (1 + c.scene.length))
+    if (std::abs(frame.x[i] - c.scene.x(i)) > 1e-9 * c.scene.length)
       throw UsageError(says + "its nodes are not those of a grid over this scene's length " +
                        number_text(c.scene.length) + " with its ends");
   const StateLaw law = scene_.friction.state;

@@ -90,7 +90,7 @@ void fit_normal_load(Choice& choice, const std::string& name) {
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
   const double relaxation = model.wave_frequency(), slowest = s.K0() / (s.K0() + 4 * s.K1());
-  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400};
+  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400, unit_rate(s)};
 }
 
 // The entry of the tableau that the TS will have, of a type that is implicit.
@@ -181,7 +181,7 @@ constexpr double usual_tolerance = 1e-6;
 // free block; it is stable up to about 3 over the fastest frequency.
 double accurate_rate(const Model& model) {
   const double own = own_frequency(model.scene());
-  return 40 * (own > 0 ? own : 1);
+  return 40 * (own > 0 ? own : unit_rate(model.scene()));
 }
 
 // Steps of an implicit method of order 4 shrink with the root of that order of the tolerance, those that
@@ -234,7 +234,7 @@ Rates rates_of(const Model& model, Vec u) {
   // bound.
   const bool creeps = model.friction_law(0).steep;
   return {wave, friction, creeps || friction > 12 * std::max(wave, accurate_rate(model)),
-          has_stiff_wave(model, wave, friction, usual_tolerance)};
+          has_stiff_wave(model, wave, friction, usual_tolerance), unit_rate(model.scene())};
 }
 
 Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec,

@@ -123,7 +123,7 @@ double RestingNodes::passage(double direction, double level, double from, double
     if (!std::isfinite(end)) {  // v is constant from here on
       const ValueAndSlope now = gained(begin);
       if (!(now.slope > 0)) return infinity;
-      end = begin + std::max(1., -1.01 * now.value / now.slope);
+      end = std::nextafter(begin + 1.01 * std::abs(now.value) / now.slope, infinity);
     }
     const double first = first_rise(gained, gained(begin), gained(end), 1e-16 * std::abs(level));
     if (first < infinity) return first;

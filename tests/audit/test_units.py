@@ -21,3 +21,15 @@ def test_cycle(scenes):
 
 def test_wave(scenes):
     explore(scenes, units.draw_wave, "wave", 905, 3, 1e-7)
+
+
+def test_run(scenes):
+    explore(scenes, units.draw_run, "run", 901, 6, 1e-6)
+
+
+def test_events(scenes):
+    explore(scenes, units.draw_events, "run", 906, 3, 1e-6)
+
+
+def test_sweep(scenes):
+    explore(scenes, units.draw_sweep, "sweep", 908, 2, 1e-6)
