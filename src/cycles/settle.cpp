@@ -299,13 +299,16 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
     guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
   guess.mesh.push_back(1);
   try {
-    found = shortest(solve_cycle(cell_, guess, tolerance_), int(back));
+    const SmoothCycle whole = solve_cycle(cell_, guess, tolerance_);
+    // near the motion that it was sought from, and no rest
+    if (!forced() && !(whole.cycle.amplitude > 1e-6 * field_.unit_of_psi() &&
+                       std::abs(whole.cycle.period / period - 1) < .1))
+      return false;
+    found = shortest(whole, int(back));
   } catch (const Failure&) {
     return false;
   }
-  // near the motion that it was sought from, and no rest
-  return forced() || (found.cycle.amplitude > 1e-6 * field_.unit_of_psi() &&
-                      std::abs(found.cycle.period / period - 1) < .1);
+  return true;
 }
 
 // A cycle that has repeated within its turns, or under a load within its periods, as it seems to beside a

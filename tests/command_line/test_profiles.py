@@ -114,6 +114,8 @@ def test_a_cycle_is_what_scipy_integrates():
              "-friction_a_profile 0:0.3,1:0.25,2:0.3 -friction_b_profile 0:0.9,1:0.8,2:0.95 "
              "-friction_D_profile 0:0.5,1:0.4,2:0.45 -friction_amplitude_profile 0:1,1:0.8,2:1.2 ")
     found, _ = run(scene + "-cycle_cell 0 -init_psi 0.5 -init_eta steady -init_noise 0.2 -out_file cycle.h5", command="cycle")
+    # the motion comes near itself after seven turns first: that is seven times the cycle
+    check(abs(found["period"] - 5.599934880) < 1e-8, f"period {found['period']}")
     start = read(data("cycle.h5"), 0)
     end, matrix = System(scene).carried(start, found["period"], rtol=1e-7, atol=1e-9)
     check(np.abs(end - start).max() < 1e-5, f"the cycle misses itself by {np.abs(end - start).max()}")
