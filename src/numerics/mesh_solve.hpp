@@ -50,19 +50,24 @@ std::optional<MeshSolution<Equations>> solved_on(const Newton& newton, std::vect
 // be placed at a kink the change says little.
 template <class Equations, class Newton>
 double settle_on_kinks(const Newton& newton, const std::vector<int>& velocities, MeshSolution<Equations>& s) {
-  constexpr double on_node = 1e-10;  // in phase: the square of what is left of a kink is round-off
+  // In phase. Of a number sought what is left of a kink costs the square, which at `on_node` is round-off; of
+  // multipliers it costs the first power, so that nodes move on while they come nearer.
+  constexpr double on_node = 1e-10, as_near_as_zeros = 1e-13;
   const auto kinks_here = [&] {
     return kinks_of(s.mesh(), s.x.data(), s.equations.dim(), velocities,
                     [&](const double* y, double* J) { s.equations.jacobian(s.x, y, J); });
   };
   Kinks kinks = kinks_here();
-  for (int round = 0; round < 4 && kinks.farthest_off(s.mesh()) > on_node; ++round) {
+  double off = kinks.farthest_off(s.mesh()), last = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 4 && (off > on_node || (off > as_near_as_zeros && off < .1 * last)); ++round) {
     auto moved = solved_on(newton, with_nodes(s.mesh(), kinks), s);
     if (!moved) break;
     s = std::move(*moved);
     kinks = kinks_here();
+    last = off;
+    off = kinks.farthest_off(s.mesh());
   }
-  return kinks.farthest_off(s.mesh()) > on_node ? .1 : kinks.singular ? 2 : 8;
+  return off > on_node ? .1 : kinks.singular ? 2 : 8;
 }
 
 // What is asked of a solution.
