@@ -310,7 +310,7 @@ def test_the_clock_and_signals():
 
 
 def test_a_sweep_goes_on():
-    given = ("-sweep_parameter1 model_v -sweep_from1 0.1 -sweep_to1 1.5 -sweep_points1 200 -model_form chain -grid_n 1 -bc_left free "
+    given = ("-sweep_parameter1 model_v -sweep_from1 0.1 -sweep_to1 1.5 -sweep_points1 2000 -model_form chain -grid_n 1 -bc_left free "
              "-ts_max_time 200 -out_file").split() + ["my sweep.h5"]
     process = subprocess.Popen([PROGRAM, "sweep", *given], stderr=subprocess.PIPE, text=True)
     while not os.path.exists("my sweep.h5") and process.poll() is None:
@@ -320,4 +320,4 @@ def test_a_sweep_goes_on():
     said = process.communicate(timeout=60)[1]
     check(process.returncode == 130, said)
     done = typed(told(said))
-    check(done.returncode == 0 and "200 of 200 points" in done.stderr, f"{told(said)}: {done.stderr}")
+    check(done.returncode == 0 and "2000 of 2000 points" in done.stderr, f"{told(said)}: {done.stderr}")
