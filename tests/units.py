@@ -173,10 +173,10 @@ def with_multiplier(row):
 
 def decimals(row, name):
     """How far, relative, a number may lie beside itself that is rounded to decimal digits, which are others in other units:
-    a period and its error to the second digit of the error."""
+    the error of a period to two digits, the period to the error's fourth."""
     if not row.get("period") or not row.get("period_error") or name not in ("period", "period_error"):
         return 0
-    return 0.1 * (1 if name == "period_error" else row["period_error"] / row["period"])
+    return 0.1 if name == "period_error" else 1e-3 * row["period_error"] / row["period"]
 
 
 def ordered(values):

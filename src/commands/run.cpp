@@ -209,7 +209,7 @@ std::vector<SummaryKey> observed_keys() {
        "in the second "
        "half of the run; of several probes the mean. A passage counts after psi was short of v by a "
        "hundredth of |v| (1e-3 "
-       "for v = 0). Null where a probe has fewer than two. To the digits that `period_error` leaves"},
+       "for v = 0). Null where a probe has fewer than two. To the fourth digit of `period_error`"},
       {"period_error", "time",
        "error of `period`, about: how far passages lie beside equal distances, and where steps are chosen by "
        "their error `ts_rtol` of it for each step in a period; null with `accuracy_of` period, whose error "

@@ -42,8 +42,8 @@ class Repeats {
   StraightLine off_line_;
 };
 
-// Puts a period into the summary with the digits that its error leaves (two of the error's own), and the
-// error, as `period_error`: that of the passages, and what the steps of a period add to it. Each may err by
+// Puts a period into the summary with the digits that its error leaves, and the error, as `period_error`, with
+// two; the period goes on to the error's fourth, since that is a bound, often a hundred times what it is off: that of the passages, and what the steps of a period add to it. Each may err by
 // the part `relative` (0: not known) of what it computes; an error of the force is not forgotten while a node
 // rests or slides steadily, and delays its next slip by about as large a part of the period.
 void set_period(Summary& summary, double period, double error, double relative, double steps);

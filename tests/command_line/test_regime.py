@@ -182,14 +182,14 @@ LABORATORY = ("-model_form chain -grid_n 1 -bc_left free -friction_law rate-and-
 @pytest.mark.parametrize("scene", [f"{SLIDER} -model_v 0.5 -model_zeta 0.1 -ts_max_time 400", LABORATORY,
                                    f"{SLIDER} -model_v 0.5 -model_zeta 0.1 -friction_stick regularised -friction_eps 3e-2 -ts_max_time 400"])
 def test_period_has_the_digits_of_its_error(scene):
-    """It lies within its error of that of fine steps, which is small beside it, and its number ends with the error's second digit;
+    """It lies within its error of that of fine steps, which is small beside it, and its number ends with the error's fourth digit;
     with a probe it is the same."""
     found, at_probe = run(scene)[0], run(f"{scene} -out_probes 0")[0]
     fine, _ = run(f"{scene} -ts_rtol 1e-11 -ts_atol 1e-12")
     for s in (found, at_probe):
         period, error = s["period"], s["period_error"]
         assert abs(period - fine["period"]) <= error < 1e-3 * period, (period, error, fine["period"])
-        digits = 1 - int(np.floor(np.log10(error)))
+        digits = 3 - int(np.floor(np.log10(error)))
         assert period == round(period, digits), (period, error)
     assert fine["period_error"] < found["period_error"]  # what is left there is how far the motion has still to settle
 
