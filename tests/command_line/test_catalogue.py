@@ -236,13 +236,30 @@ def test_the_way_of_the_plate_under_a_load():
 
 def test_a_load_that_is_a_constant_velocity():
     """The plate goes as at model_v, and so do the events and the table."""
-    tables = []
-    for name, how in (("constant", "-model_v 2e-3"), ("load", "-load_v 0:2e-3,3000:2e-3")):
-        ran(*words(scene_file("catalogue")), "-grid_n", 30, "-init_noise_of", "psi", "-friction_alpha", 2, "-ts_max_time", 1500, "-out_frames", 2,
-            *words(how), "-out_file", f"{name}.h5")
-        tables.append(c.statistics([c.read(f"{name}.h5", 1)], (-5, -0.5)))
-    for one, other in [(tables[0][key], tables[1][key]) for key in ("events", "per_node_and_way", "moment_per_node_and_way")]:
-        check(abs(one / other - 1) < 0.1, f"{one} at a constant velocity, {other} under a load: {tables}")
+    def table(seeds, end, way):
+        tables = []
+        for how in ("-model_v 2e-3", "-load_v 0:2e-3,3000:2e-3"):
+            runs = []
+            for seed in seeds:
+                ran(*words(scene_file("catalogue")), "-grid_n", 300, "-init_noise_of", "psi", "-init_seed", seed,
+                    "-friction_alpha", 2, "-ts_max_time", end, "-out_frames", 2, *words(how), "-out_file", "a.h5")
+                runs.append(c.read("a.h5", way))
+            tables.append((runs, c.statistics(runs, (-5, -0.5))))
+        return tables
+
+    # at first the motion is the same but for round-off, which ten chains of 30 blocks enlarged to 4e-8 at most by t = 200
+    (one, first), (other, second) = table([1], 200, 0)
+    one, other = one[0]["events"], other[0]["events"]
+    check(len(one["t"]) == len(other["t"]) > 100, f"{len(one['t'])} events at a constant velocity, {len(other['t'])} under a load")
+    for key in ("begin", "t", "moment", "extent", "left"):
+        check(np.allclose(other[key], one[key], rtol=1e-6, atol=1e-6), f"{key}: {one[key]} {other[key]}")
+    for key in ("events", "per_node_and_way", "moment_per_node_and_way", "in_fit", "b"):
+        check(abs(first[key] / second[key] - 1) < 1e-6, f"{key}: {first} at a constant velocity, {second} under a load")
+    # later the two are different motions of one kind: numbers and moments of runs scatter by 9 %, so that the means of
+    # 24 differ by 2.6 %
+    (_, first), (_, second) = table(range(1, 25), 1500, 1)
+    for key in ("events", "per_node_and_way", "moment_per_node_and_way"):
+        check(abs(first[key] / second[key] - 1) < 0.1, f"{key}: {first} at a constant velocity, {second} under a load")
 
 
 def ran(*arguments):

@@ -68,13 +68,15 @@ def test_first_words(words, first):
 
 def test_events_in_the_summary():
     """Largest and b are those of the file, b that of postprocess/catalogue.py."""
-    said("run", CATALOGUE, "-grid_n", "800", "-ts_max_time", "3000", "-out_file", "a.h5", "-out_frames", "2", summary=True)
+    # 114 to 142 events are in the range of the fit, whichever course the chaotic motion takes
+    said("run", CATALOGUE, "-grid_n", "2000", "-ts_max_time", "3000", "-out_file", "a.h5", "-out_frames", "2", summary=True)
     with open("s.json", encoding="utf-8") as file:
         summary = json.load(file)
     run = catalogue.read("a.h5", 0)
     magnitudes = catalogue.magnitudes(run)
     b, error, number = catalogue.fit(magnitudes, *catalogue.usual_bounds(magnitudes))
-    check(summary["events"] == len(run["events"]["t"]) and number > 20, f"{summary['events']} events, {number} for b")
+    check(summary["events"] == len(run["events"]["t"]) and number > catalogue.FEWEST,
+          f"{summary['events']} events, {number} for b")
     check(abs(summary["largest_moment"] / run["events"]["moment"].max() - 1) < 1e-15, summary["largest_moment"])
     check(summary["largest_extent"] == run["events"]["extent"].max(), summary["largest_extent"])
     # the mean of some hundred magnitudes is known to 1e-14, and db/dmean is below 10 here
