@@ -31,6 +31,8 @@ OF_OTHERS = {"boundary_from": "boundary_parameter", "boundary_to": "boundary_par
              "sweep_from1": "sweep_parameter1", "sweep_to1": "sweep_parameter1", "sweep_from2": "sweep_parameter2",
              "sweep_to2": "sweep_parameter2"}
 
+VARIED = {*OF_OTHERS.values(), "fit_parameters"}  # options whose value is another's name
+
 
 def powers(unit, place=False):
     """Of place, slip, time and force in a unit as the pages write it: length^2/time, 1/(time velocity^2)."""
@@ -142,10 +144,10 @@ class Rescaling:
 
     def key(self, name, options):
         """The exponent of a result of that name."""
-        if name in ("value", "value2", "next_value", "error", "error2") and any(o in options for o in set(OF_OTHERS.values())):
+        if name in ("value", "value2", "next_value", "error", "error2") and any(o in options for o in VARIED):
             number = "2" if name.endswith("2") else ""
             of = next((options[o] for o in ("boundary_parameter" + number, "cycle_continue", "wave_continue" + number,
-                                            "sweep_parameter1") if o in options), None)
+                                            "sweep_parameter1", "fit_parameters") if o in options), None)
             return self.exponent(dimension(of, options)) if of else 0
         if name == options.get("fit_parameters"):
             return self.exponent(dimension(name, options))
@@ -159,7 +161,7 @@ class Rescaling:
 # ---- results ----
 
 # What is round-off or an estimate, or is no result.
-NO_RESULT = {"options", "wall_s", "seconds", "events_per_s", "files", "processor_s", "residual", "error_estimate", "best",
+NO_RESULT = {"options", "wall_s", "seconds", "choosing_seconds", "run_seconds", "step_seconds", "events_per_s", "files", "processor_s", "residual", "error_estimate", "best",
              "dispersion_error", "translation_error", "multiplier_error", "growth_rate_error", "completeness_check",
              "reason", "warnings", "version", "git", "stopped_at", "clock", "correlation", "mesh_intervals", "evaluations"}
 

@@ -197,9 +197,17 @@ class FitSearch {
     for (std::size_t k = 0; k < n_; ++k) x[k] = variable(k, problem_.parameters[k].value);
     return x;
   }
-  double value(std::size_t k, double x) const { return problem_.parameters[k].logarithm ? std::exp(x) : x; }
+  // Variables are beside the scene's value, whose unit the search does not feel; 1 where that is 0.
+  double value(std::size_t k, double x) const {
+    return measure(k) * (problem_.parameters[k].logarithm ? std::exp(x) : x);
+  }
   double variable(std::size_t k, double value) const {
-    return problem_.parameters[k].logarithm ? std::log(value) : value;
+    const double beside = value / measure(k);
+    return problem_.parameters[k].logarithm ? std::log(beside) : beside;
+  }
+  double measure(std::size_t k) const {
+    const double value = std::abs(problem_.parameters[k].value);
+    return value > 0 ? value : 1;
   }
   double low(std::size_t k) const { return variable(k, problem_.parameters[k].low); }
   double high(std::size_t k) const { return variable(k, problem_.parameters[k].high); }
@@ -378,7 +386,7 @@ void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& proble
   const double variance = r.squaredNorm() / double(rows - n);
   for (std::size_t k = 0; k < n; ++k) {
     const double error = std::sqrt(variance * inverse(k, k)) / lengths[k];
-    fit.parameters[k].error = problem.parameters[k].logarithm ? error * fit.parameters[k].value : error;
+    fit.parameters[k].error = error * (problem.parameters[k].logarithm ? fit.parameters[k].value : search.measure(k));
     for (std::size_t j = 0; j < n; ++j)
       fit.correlation[k][j] = inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j));
   }
