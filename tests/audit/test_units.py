@@ -33,3 +33,7 @@ def test_events(scenes):
 
 def test_sweep(scenes):
     explore(scenes, units.draw_sweep, "sweep", 908, 2, 1e-6)
+
+
+def test_fit(scenes):
+    explore(scenes, units.draw_fit, "fit", 910, 2, 1e-5)
