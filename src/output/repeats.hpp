@@ -42,10 +42,11 @@ class Repeats {
   StraightLine off_line_;
 };
 
-// Puts a period into the summary with the digits that its error leaves, and the error, as `period_error`, with
-// two; the period goes on to the error's fourth, since that is a bound, often a hundred times what it is off: that of the passages, and what the steps of a period add to it. Each may err by
-// the part `relative` (0: not known) of what it computes; an error of the force is not forgotten while a node
-// rests or slides steadily, and delays its next slip by about as large a part of the period.
+// Puts a period into the summary with the digits that its error leaves, and the error, as `period_error`,
+// with two: that of the passages, and what the steps of a period add to it. Each may err by the part
+// `relative` (0: not known) of what it computes; an error of the force is not forgotten while a node rests or
+// slides steadily, and delays its next slip by about as large a part of the period. That is a bound, often a
+// hundred times what the period is off, which therefore goes on to the error's fourth digit.
 void set_period(Summary& summary, double period, double error, double relative, double steps);
 
 }  // namespace stickslip

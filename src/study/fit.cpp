@@ -386,7 +386,8 @@ void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& proble
   const double variance = r.squaredNorm() / double(rows - n);
   for (std::size_t k = 0; k < n; ++k) {
     const double error = std::sqrt(variance * inverse(k, k)) / lengths[k];
-    fit.parameters[k].error = error * (problem.parameters[k].logarithm ? fit.parameters[k].value : search.measure(k));
+    FitParameter& p = fit.parameters[k];
+    p.error = error * (p.logarithm ? p.value : search.measure(k));
     for (std::size_t j = 0; j < n; ++j)
       fit.correlation[k][j] = inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j));
   }

@@ -87,7 +87,8 @@ bool repeats(const Model& model, Vec u, PetscInt cell, double part) {
   {
     const Reading own(u);
     const double* here = own + (begin - model.first()) * dof;
-    for (std::size_t i = 0; i < before.size() && same; ++i) same = std::abs(here[i] - before[i]) <= allowed[i % dof];
+    for (std::size_t i = 0; i < before.size() && same; ++i)
+      same = std::abs(here[i] - before[i]) <= allowed[i % dof];
   }
   return !on_any_rank(model.comm(), !same);
 }

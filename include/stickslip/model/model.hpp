@@ -137,9 +137,10 @@ class Model {
 double wave_frequency(const Scene& scene);
 // That of a node without neighbours, sqrt(A K0); without mass K0/(B + F_psi), as above.
 double own_frequency(const Scene& scene);
-// A rate that every scene has, beside which others are small or large whatever the unit of time: the frequency
-// of a node on all its springs, of K0 + K1 in the chain, of K0 in the continuum; without mass as above; where
-// nothing holds it, the rate at which a force of the scene's scale makes a velocity of its scale (scales.hpp).
+// A rate that every scene has, beside which others are small or large whatever the unit of time: the
+// frequency of a node on all its springs, of K0 + K1 in the chain, of K0 in the continuum; without mass as
+// above; where nothing holds it, the rate at which a force of the scene's scale makes a velocity of its scale
+// (scales.hpp).
 double unit_rate(const Scene& scene);
 // The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the
 // two, which explicit steps obey.
