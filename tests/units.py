@@ -18,7 +18,7 @@ from calls import SOURCE, call
 PLACES = {"model_c", "grid_length", "friction_spread_length", "init_width", "init_noise_length", "out_probes", "out_maxima",
           "wave_length", "wave_speed"}  # options whose length is one of place
 PLACE_KEYS = {"x", "speed", "wave_speed", "length", "shortest_pulse", "wavenumber", "wavenumber_continuum", "diffusion",
-              "front_speed"}  # results likewise
+              "front_speed", "from", "to"}  # results likewise
 CHAIN = {"model_m": (0, -1, 2, 1), "model_k0": (0, -1, 0, 1), "model_k1": (0, -1, 0, 1), "model_f0": (0, 0, 0, 1),
          "model_zeta": (0, -1, 1, 1), "model_nu": (0, -1, 1, 1)}  # powers of place, slip, time, force
 CONTINUUM = {"model_gamma": (0, 1, -1, 0), "model_nu": (2, 0, -1, 0)}
@@ -108,7 +108,9 @@ class Rescaling:
 
     def __init__(self, random, options, most=40):
         place, slip, time, force = (int(random.integers(-most, most + 1)) for _ in range(4))
-        fixed = options.get("friction_law", "cubic") in ("cubic", "carlson-langer")
+        # an error that is asked for or listed is the larger of that of psi and of eta, a number: psi keeps its unit
+        fixed = (options.get("friction_law", "cubic") in ("cubic", "carlson-langer") or "accuracy" in options
+                 or "chart_methods" in options)
         if options.get("model_form") == "chain":
             place, slip = 0, time if fixed else slip
         else:
@@ -153,7 +155,7 @@ class Rescaling:
             return self.exponent(dimension(name, options))
         if name == "state":
             return self.exponent(state_of(options))
-        unit = key_units().get(name, {"psi": "length/time", "x": "length", "chi": "length"}.get(name, ""))
+        unit = key_units().get(name, {"psi": "length/time", **dict.fromkeys(("x", "chi", "from", "to"), "length")}.get(name, ""))
         found = powers(unit, name in PLACE_KEYS) or (0, 0, 0, 0)
         return self.exponent((0, *found[1:]) if options.get("model_form") == "chain" else found)
 
@@ -161,9 +163,10 @@ class Rescaling:
 # ---- results ----
 
 # What is round-off or an estimate, or is no result.
-NO_RESULT = {"options", "wall_s", "seconds", "choosing_seconds", "run_seconds", "step_seconds", "events_per_s", "files", "processor_s", "residual", "error_estimate", "best",
-             "dispersion_error", "translation_error", "multiplier_error", "growth_rate_error", "completeness_check",
-             "reason", "warnings", "version", "git", "stopped_at", "clock", "correlation", "mesh_intervals", "evaluations", "runs"}
+NO_RESULT = {"options", "wall_s", "seconds", "choosing_seconds", "run_seconds", "step_seconds", "events_per_s", "files",
+             "processor_s", "residual", "error_estimate", "best", "dispersion_error", "translation_error", "multiplier_error",
+             "growth_rate_error", "completeness_check", "reason", "warnings", "version", "git", "stopped_at", "clock",
+             "correlation", "mesh_intervals", "evaluations", "runs"}
 
 
 def with_multiplier(row):

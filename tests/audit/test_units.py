@@ -37,3 +37,11 @@ def test_sweep(scenes):
 
 def test_fit(scenes):
     explore(scenes, units.draw_fit, "fit", 910, 2, 1e-5)
+
+
+def test_accuracy(scenes):
+    explore(scenes, units.draw_accuracy, "run", 907, 2, 1e-6)
+
+
+def test_chart(scenes):
+    explore(scenes, units.draw_chart, "chart", 909, 2, 1e-6)
