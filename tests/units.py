@@ -443,7 +443,7 @@ def draw_sweep(random):
 
 
 def draw_chart(random):
-    o = draw_law(random, draw_medium(random, int(random.choice([3, 12]))))
+    o = draw_law(random, draw_medium(random, int(random.choice([3, 12]))), smooth=True)
     draw_start(random, o)
     return o | {"ts_max_time": random.uniform(1, 3), "chart_methods": "rk:5dp,rk:3bs", "chart_tolerances": "1e-4,1e-6",
                 "chart_repeats": 1, "chart_reference_seconds": 5}

@@ -44,4 +44,4 @@ def test_accuracy(scenes):
 
 
 def test_chart(scenes):
-    explore(scenes, units.draw_chart, "chart", 909, 2, 1e-6)
+    explore(scenes, units.draw_chart, "chart", 909, 5, 1e-6)
