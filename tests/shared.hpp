@@ -43,8 +43,8 @@ auto with_friction(const FrictionParameters& p, const Body& body) {
   return body(*Friction::of(p));
 }
 
-// Every combination is tried on one rank and on two, which divide a ring and a line in all ways that differ; on more, where
-// ranks outnumber the processors, combinations take turns: every seventh, of scenes and methods that are no multiples of it.
+// Every combination is tried on one rank and on two; on more, where ranks outnumber the processors and each
+// reduction waits for them, combinations take turns.
 inline bool in_turn(int combination, int ranks) { return ranks <= 2 || combination % 7 == 0; }
 
 // max |a - b|
