@@ -195,7 +195,7 @@ def methods():
         kind, _, subtype = name.partition(":")
         for split in splits.split(", "):
             yield (f"-ts_type {kind}" + (f" -{kinds[kind]} {subtype}" if subtype else "") +
-                   (f" -imex_implicit {split}" if kind in ("arkimex", "rosw") else "")), f"{name} {split}"
+                   (f" -imex_implicit {split}" if kind == "arkimex" else "")), f"{name} {split}"
 
 
 def check(truth, text):

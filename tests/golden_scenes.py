@@ -23,7 +23,6 @@ METHODS = {
     "imex-wave": "-ts_type arkimex -ts_arkimex_type 4 -imex_implicit wave",
     "imex-both": "-ts_type arkimex -ts_arkimex_type 3 -imex_implicit both",
     "imex-petsc": "-ts_type arkimex -ts_arkimex_type 3 -imex_implicit both -rk_fused false",
-    "rosw-friction": "-ts_type rosw -ts_rosw_type ra34pw2 -imex_implicit friction",
     "rosw-both": "-ts_type rosw -ts_rosw_type 4l", "ssp": "-ts_type ssp -ts_ssp_type rks3",
     "bdf": "-ts_type bdf -ts_bdf_order 2", "theta": "-ts_type cn", "alpha": "-ts_type alpha", "leapfrog": "-ts_type leapfrog",
 }

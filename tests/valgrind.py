@@ -53,7 +53,7 @@ COMMANDS = [
     "1 run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type arkimex -imex_implicit both",
     "1 run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type arkimex -imex_implicit friction"
         " -friction_law carlson-langer -friction_stick regularised -friction_eps 0.1 -state_law healing",
-    "1 run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type rosw -imex_implicit friction -bc_left velocity"
+    "1 run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type arkimex -imex_implicit friction -bc_left velocity"
         " -friction_spread 0.3 -friction_law coulomb -state_law healing -state_D 0.3 -state_t_h 2 -state_tau_inf 1.5",
     "1 run -model_form chain -grid_n 9 -bc_left free -friction_law rate-and-state -ts_max_time 0.2 -init_noise 0.01",
     "1 run -grid_n 24 -grid_length 12 -ts_type bdf -ts_max_time 0.1 -bc_left velocity -init_type layer",

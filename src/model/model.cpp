@@ -308,10 +308,6 @@ double Model::plate_velocity(double t) const {
   return scene().load.varies() ? scene().load.in_piece(impl_->load_piece, t) : scene().v;
 }
 
-double Model::plate_acceleration(double t) const {
-  return scene().load.varies() ? scene().load.slope_in_piece(impl_->load_piece, t) : 0;
-}
-
 NormalLoad Model::normal_load(double t) const {
   const Load& normal = scene().normal;
   if (!normal.varies()) return {};

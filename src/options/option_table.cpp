@@ -216,7 +216,7 @@ void time_options(OptionTableBuilder& t) {
       .words({"auto", "auto:NUMBER"})
       .at_least(0);
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
-           "terms that an IMEX method, or rosw:ra34pw2, takes implicitly");
+           "terms that an IMEX method takes implicitly");
   t.in("Time stepping", "run");
   t.positive("accuracy", "",
              "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
@@ -230,7 +230,7 @@ void time_options(OptionTableBuilder& t) {
   t.in("Time stepping", "run chart fit");
   t.boolean(
       "rk_fused", "true",
-      "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
+      "take all stages of a step of rk, and of arkimex, tile by tile in the "
       "cache; false: PETSc's own step");
   t.choice("stick_clusters", {"auto", "on", "off"},
            "friction that sticks exactly: auto advances only what slides, each cluster by its own steps, "

@@ -78,7 +78,6 @@ MethodSpec Pilot::automatic(const AtStart& start, double tolerance) const {
   open.tolerance = tolerance;
   const Choice choice = choose_method(start.model, start.rates, open, "");
   if (choice.implicit == Implicit::none) return MethodSpec::parse("accuracy", "rk:7vr");
-  if (choice.type == TSROSW) return MethodSpec::parse("accuracy", "rosw:ra34pw2");
   return MethodSpec::parse("accuracy", choice.type + ":" + choice.subtype + ":" + to_string(choice.implicit));
 }
 

@@ -73,14 +73,20 @@ void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   choice.fused = false;
 }
 
+// A Rosenbrock step is made for equations that do not depend on time: without the rate of change of what
+// does, which the library does not ask for, its order falls.
+void refuse_rosenbrock(const Choice& choice, const char* what) {
+  if (choice.type == TSROSW) throw usage_error("ts_type rosw: it does not follow {}; use arkimex", what);
+}
+
 // Friction changes with time between the stages of a step too, which the library's own steps of most methods
 // follow.
 void fit_normal_load(Choice& choice, const std::string& name) {
-  if (choice.type == TSROSW || choice.type == leapfrog_type)
-    throw usage_error(
-        "ts_type {}: it does not follow a normal load that varies within a step (load_normal, "
-        "load_normal_sine_amplitude); use rk or arkimex",
-        choice.type);
+  constexpr const char* what =
+      "a normal load that varies within a step (load_normal, load_normal_sine_amplitude)";
+  refuse_rosenbrock(choice, what);
+  if (choice.type == leapfrog_type)
+    throw usage_error("ts_type leapfrog: it does not follow {}; use rk or arkimex", what);
   if (choice.named_fused)
     throw usage_error("ts_type {}: it does not know load_normal; use ts_type {}", name, choice.type);
   choice.fused = false;
@@ -129,14 +135,9 @@ Implicit implicit_of(const Method& method, const std::string& wish, Implicit sti
       return sticks || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
     default:
       if (wish == "auto" || wish == "both") return Implicit::both;
-      if (splits_of(method).empty())
-        throw usage_error("imex_implicit {}: {} does not split; use ts_type arkimex, or imex_implicit both",
-                          wish, type == TSROSW ? method.name() : "ts_type " + type);
-      if (wish != "friction")
-        throw UsageError(
-            "imex_implicit " + wish + ": " + method.name() +
-            " takes friction or everything implicitly; use friction or both, or ts_type arkimex");
-      return Implicit::friction;
+      throw usage_error(
+          "imex_implicit {}: ts_type {} does not split; use ts_type arkimex, or imex_implicit both", wish,
+          type);
   }
 }
 
@@ -163,15 +164,12 @@ bool tunes_solvers(const std::string& prefix) {
   return false;
 }
 
-// What has steps of its own: rk, arkimex whatever is implicit, rosw with friction, and leapfrog, which is
-// nothing else. The bands of what couples nodes are alike along x, and so is the Rosenbrock step: where a
-// `medium` differs, the library's own steps take these.
+// What has steps of its own: rk, arkimex whatever is implicit, and leapfrog, which is nothing else. The bands
+// of what couples nodes are alike along x: where a `medium` differs, the library's own steps take these.
 bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix, bool medium) {
   if (type == TSRK || type == leapfrog_type) return true;
   if (medium && (type != TSARKIMEX || implicit != Implicit::friction)) return false;
-  const bool split =
-      type == TSARKIMEX ? implicit != Implicit::none : type == TSROSW && implicit == Implicit::friction;
-  return split && !tunes_solvers(prefix);
+  return type == TSARKIMEX && implicit != Implicit::none && !tunes_solvers(prefix);
 }
 
 constexpr double usual_tolerance = 1e-6;
@@ -273,10 +271,11 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const Method& first = offered_type(choice.type);
   const Method& method =
       first.kind == MethodKind::implicit ? implicit_method(choice.type, spec, prefix) : first;
-  const bool friction =
-      choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
+  const bool friction = choice.named_fused && spec.implicit == "auto" && choice.type == TSARKIMEX;
   choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
+  if (model.scene().load.varies())
+    refuse_rosenbrock(choice, "a load that varies (load_v, load_sine_amplitude, ...)");
   if (model.scene().normal.varies()) fit_normal_load(choice, set ? name : "");
   if (choice.fused)
     choice.fused = can_be_fused(choice.type, choice.implicit, prefix, model.scene().medium.varies());

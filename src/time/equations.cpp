@@ -25,19 +25,6 @@ Part Equations::implicit_part() const {
                                        : Part::pointwise;
 }
 
-// In f, where udot - G(u) stands. v is in eta_t alone, as K0 v; at a held end of the continuum eta is output.
-void Equations::subtract_load_rate(TS ts, Vec f) const {
-  double begin, dt;
-  SS_TRY(TSGetTime(ts, &begin));
-  SS_TRY(TSGetTimeStep(ts, &dt));
-  const Scene& s = model_.scene();
-  const double acceleration = model_.plate_acceleration(begin);
-  const Writing a(f);
-  for (PetscInt i = 0; i < model_.local(); ++i)
-    if (s.form == Form::chain || !model_.held(model_.first() + i))
-      a[i * model_.dof() + 1] -= model_.coefficients(i).K0 * rates_[stage_] * dt * acceleration;
-}
-
 PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
@@ -51,7 +38,7 @@ PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* conte
 }
 
 // udot - G(u)
-PetscErrorCode Equations::IFunction(TS ts, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
+PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
     self.model_.set_time(t);
@@ -61,7 +48,6 @@ PetscErrorCode Equations::IFunction(TS ts, PetscReal t, Vec u, Vec udot, Vec f, 
     } else {
       SS_TRY(VecCopy(udot, f));
     }
-    if (!self.rates_.empty()) self.subtract_load_rate(ts, f);
   });
 }
 
@@ -153,7 +139,6 @@ PetscErrorCode Equations::Converged(SNES snes, PetscInt round, PetscReal x, Pets
 }
 
 void Equations::begin_step(TS ts) {
-  stage_ = 0;
   if (!shares_jacobian_) return;
   SNES snes;
   SS_TRY(TSGetSNES(ts, &snes));

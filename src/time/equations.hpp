@@ -3,8 +3,6 @@
 
 #include <limits>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "stickslip/time/time.hpp"
 
@@ -29,14 +27,8 @@ class Equations {
   bool has_implicit() const { return implicit_ != Implicit::none; }
   // At the beginning of a step, and of its repetition: what was kept for the stages of the last one goes.
   void begin_step(TS ts);
-  // The stages of a step that are done.
-  void after_stage(PetscInt index) { stage_ = index + 1; }
-  // Of a Rosenbrock method, whose stages see the load's rate besides (rosenbrock.hpp): how much of dt times
-  // it.
-  void set_rates(std::vector<double> rates) { rates_ = std::move(rates); }
 
  private:
-  void subtract_load_rate(TS ts, Vec f) const;
   static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
@@ -52,8 +44,6 @@ class Equations {
   const Model& model_;
   Implicit implicit_;
   MatHandle J_;
-  std::vector<double> rates_;
-  PetscInt stage_ = 0;            // under way
   bool shares_jacobian_ = false;  // one for all stages of a step, see Converged
   Tolerances tolerances_;
   double target_ = 1e-9;

@@ -5,7 +5,6 @@
 #include "time/banded_imex.hpp"
 #include "numerics/imex_tableau.hpp"
 #include "time/leapfrog.hpp"
-#include "time/rosenbrock.hpp"
 
 namespace stickslip {
 
@@ -94,20 +93,6 @@ class FusedArkimex : public FusedMethod {
   mutable std::unique_ptr<ImexMethod> method_;
 };
 
-class FusedRosw : public FusedMethod {
- public:
-  const char* type() const override { return TSROSW; }
-  const char* subtype() const override { return name_.c_str(); }
-  void set_subtype(const char* name) override { name_ = name; }
-  std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
-    return std::make_unique<RosenbrockStep>(model, rosenbrock_w(name_), sticking);
-  }
-  int order() const override { return rosenbrock_w(name_).order; }
-
- private:
-  std::string name_ = TSROSWRA34PW2;  // as the library's default
-};
-
 class FusedLeapfrog : public FusedMethod {
  public:
   const char* type() const override { return leapfrog_type; }
@@ -124,7 +109,6 @@ class FusedLeapfrog : public FusedMethod {
 std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
   if (type == TSRK) return std::make_unique<FusedRk>();
   if (type == TSARKIMEX) return std::make_unique<FusedArkimex>();
-  if (type == TSROSW) return std::make_unique<FusedRosw>();
   if (type == leapfrog_type) return std::make_unique<FusedLeapfrog>();
   throw std::logic_error("no fused steps for ts_type " + type);
 }

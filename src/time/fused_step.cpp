@@ -84,9 +84,9 @@ int TiledStep::implicit_slopes() const {
   return int(std::count_if(stages_.begin(), stages_.end(), [](const Stage& s) { return s.g >= 0; }));
 }
 
-TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticking, int others)
-    : stages_(stages_of(method)), others_(slopes_from + explicit_slopes(true) + implicit_slopes()),
-      known_(others_ + others), driving_(known_ + (method.additive() ? 1 : 0)),
+TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticking)
+    : stages_(stages_of(method)), known_(slopes_from + explicit_slopes(true) + implicit_slopes()),
+      driving_(known_ + (method.additive() ? 1 : 0)),
       tiles_(model, explicit_slopes(true), driving_ - slopes_from + (model.viscous() ? 1 : 0), sticking),
       coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().mean_K1())),
       additive_(method.additive()), last_is_new_(ends_at_last_stage(method)), target_(method.target),
@@ -135,7 +135,7 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
         u, u_new, explicit_slopes(step.all) * tiles_.half_width(),
         [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
         [&](const Tile& t) {
-          kept.store(tiles_, t, slopes_from, others_ - 1);
+          kept.store(tiles_, t, slopes_from, known_ - 1);
           tiles_.measure(t, error_, dt, norm, estimate, sums, [&] { follow_force(t, dt); });
         });
   }
@@ -150,7 +150,7 @@ TiledStep::Range TiledStep::around(const Tile& t, int stencils) const {
 }
 
 long TiledStep::through(const Tile& t, const Step& step) const {
-  long unsolved = prepare(t, step);
+  long unsolved = 0;
   int ahead = explicit_slopes(step.all);  // stencils of this stage and those that follow
   for (int i = 0; i < stages(); ++i) {
     const Stage& stage = stages_[i];
@@ -207,7 +207,6 @@ void TiledStep::take_slope(const Tile& t, int i, const Step& step, Range range) 
     finish_explicit(t, stage.f, begin, end);
   } else {
     add_pointwise(t, index, stage.f, at_stage(step, stage), begin, end);
-    finish_stage(t, i, step, begin, end);
   }
 }
 
@@ -219,10 +218,7 @@ void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, Pet
 
 kernel::Coefficients TiledStep::at_stage(const Step& step, const Stage& stage) const {
   kernel::Coefficients c = coefficients_;
-  const Model& model = tiles_.model();
-  c.v = model.plate_velocity(step.t + stage.time * step.dt);
-  if (stage.rate != 0 && model.scene().load.varies())
-    c.v += stage.rate * step.dt * model.plate_acceleration(step.t);
+  c.v = tiles_.model().plate_velocity(step.t + stage.time * step.dt);
   return c;
 }
 

@@ -26,8 +26,7 @@ namespace stickslip {
 class TiledStep : public StepTaker {
  public:
   // `sticking`: with friction that sticks, of which set_direction tells who rests.
-  TiledStep(const Model& model, const StageProgram& method, bool sticking = false)
-      : TiledStep(model, method, sticking, 0) {}
+  TiledStep(const Model& model, const StageProgram& method, bool sticking = false);
   // Slopes in the order f_0, f_1, ..., of an additive method g_0, f_0, g_1, f_1, ...
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                const std::vector<VecHandle>& slopes, Vec last_slope = nullptr, double t = 0) const override;
@@ -35,11 +34,9 @@ class TiledStep : public StepTaker {
   bool last_is_solution() const override { return last_is_new_ && !additive_; }
   int stages() const override { return int(stages_.size()); }
 
- protected:
+ private:
   static constexpr int slopes_from = 2;  // columns of Tiles: the slopes of the stages, one behind the other
 
-  // `others`: columns from others_ on.
-  TiledStep(const Model& model, const StageProgram& method, bool sticking, int others);
   struct Step {
     double dt;
     const ErrorNorm& norm;
@@ -54,10 +51,6 @@ class TiledStep : public StepTaker {
   // Stages that take f, and g; each f reaches a stencil further.
   int explicit_slopes(bool all) const;
   int implicit_slopes() const;
-  // Before the stages of a tile, of which columns 0 hold u; returns how many equations are left unsolved.
-  virtual long prepare(const Tile&, const Step&) const { return 0; }
-  // What becomes of the slope of stage i of an explicit method on [begin, end).
-  virtual void finish_stage(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
   // Node i of the column for unknown d.
   double* at(const Tile& t, int index, int d, PetscInt i) const {
     return tiles_.column(index, d) + (i - t.from);
@@ -69,17 +62,8 @@ class TiledStep : public StepTaker {
     bool used = false;    // f, in the new u
     double diagonal = 0;  // of At
     double time = 0;      // in parts of the step
-    double rate = 0;      // how much of dt v'(t) at the start of the step it sees besides
     Row sum[2];           // before it: of g alone, for unknowns without an explicit part, and of both
   };
-  std::vector<Stage> stages_;
-  int others_;
-  int known_;    // columns of what an implicit equation is given
-  int driving_;  // a column: eta + N D2 psi
-  Tiles tiles_;
-  kernel::Coefficients coefficients_;
-
- private:
   static std::vector<Stage> stages_of(const StageProgram& method);
   Row row_of(const double* of_f, const double* of_g, int count) const;
   // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
@@ -105,6 +89,11 @@ class TiledStep : public StepTaker {
   bool has_explicit(int d) const { return !additive_ || d == 1 || (d == 0 && viscous()); }
   static bool takes(const Stage& stage, bool all) { return stage.f >= 0 && (all || stage.used); }
 
+  std::vector<Stage> stages_;
+  int known_;    // columns of what an implicit equation is given
+  int driving_;  // a column: eta + N D2 psi
+  Tiles tiles_;
+  kernel::Coefficients coefficients_;
   bool additive_;
   // The last stage is the new u: of an additive method but for what is explicit.
   bool last_is_new_ = false;

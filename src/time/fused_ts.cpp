@@ -16,12 +16,12 @@ namespace stickslip {
 
 namespace {
 
-constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex", *fused_rosw = "fusedrosw";
+constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex";
 struct TypeNames {
   const char *fused, *library;
 };
 constexpr TypeNames type_names[] = {
-    {fused_rk, TSRK}, {fused_arkimex, TSARKIMEX}, {fused_rosw, TSROSW}, {leapfrog_type, leapfrog_type}};
+    {fused_rk, TSRK}, {fused_arkimex, TSARKIMEX}, {leapfrog_type, leapfrog_type}};
 
 }  // namespace
 
@@ -243,20 +243,12 @@ struct FusedTs::Callbacks {
       SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSARKIMEXGetType_C", GetType));
     });
   }
-  static PetscErrorCode TSCreate_FusedROSW(TS ts) {
-    return guarded([&] {
-      create(ts, TSROSW);
-      SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSRosWSetType_C", SetType));
-      SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSRosWGetType_C", GetType));
-    });
-  }
   static PetscErrorCode TSCreate_Leapfrog(TS ts) {
     return guarded([&] { create(ts, leapfrog_type); });
   }
   static void add_types() {
     SS_TRY(TSRegister(fused_rk, TSCreate_FusedRK));
     SS_TRY(TSRegister(fused_arkimex, TSCreate_FusedARKIMEX));
-    SS_TRY(TSRegister(fused_rosw, TSCreate_FusedROSW));
     SS_TRY(TSRegister(leapfrog_type, TSCreate_Leapfrog));
   }
 };

@@ -3,7 +3,6 @@
 //
 //     fusedrk       rk: -ts_rk_type names the tableau
 //     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
-//     fusedrosw     rosw with friction implicit: -ts_rosw_type names the tableau (rosenbrock.hpp)
 //     leapfrog      Stoermer and Verlet's, friction by the midpoint rule (leapfrog.hpp)
 //
 // A TS of such a type is no use before it is bound to a model. In no other file than the source of this one

@@ -60,7 +60,7 @@ std::vector<Method> make_table() {
       {"arkimex", "1bee", imex, 1, yes, "comparison"},
       {"arkimex", "ars443", imex, 3, never, "comparison"},
       {"arkimex", "prssp2", imex, 2, never, "comparison"},
-      {"rosw", "ra34pw2", implicit, 3, yes, "everything stiff, or friction alone, without Newton's method"},
+      {"rosw", "ra34pw2", implicit, 3, yes, "everything stiff"},
       {"rosw", "rodas3", implicit, 3, yes, "everything stiff"},
       {"rosw", "sandu3", implicit, 3, yes, "everything stiff"},
       {"rosw", "ra3pw", implicit, 3, yes, "everything stiff"},
@@ -192,12 +192,9 @@ MethodSpec MethodSpec::from(const Options& options) {
 
 bool MethodSpec::has_estimate() const { return method().adaptivity == Adaptivity::yes; }
 bool MethodSpec::splits() const {
-  return method().kind == MethodKind::imex || (implicit == "friction" && !splits_of(method()).empty());
+  return method().kind == MethodKind::imex;
 }
 std::vector<std::string> splits_of(const Method& method) {
-  // The one of the Rosenbrock methods here whose order holds with a part of the Jacobian alone.
-  if (method.type == std::string(TSROSW) && method.subtype == std::string(TSROSWRA34PW2))
-    return {"friction", "both"};
   if (method.kind != MethodKind::imex) return {};
   if (method.type == std::string(leapfrog_type)) return {"friction"};
   return {"friction", "wave", "both"};
@@ -247,8 +244,7 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
     throw usage_error("{}{} takes {} implicitly and nothing else; use arkimex, or {}", says, spec.type,
                       splits[0], splits[0]);
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
-    throw usage_error("{}{} takes everything implicitly{}; use arkimex, or both", says, spec.type,
-                      splits.empty() ? "" : ", or friction alone");
+    throw usage_error("{}{} takes everything implicitly; use arkimex, or both", says, spec.type);
   return spec;
 }
 

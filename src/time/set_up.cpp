@@ -10,7 +10,6 @@
 #include "base/local_values.hpp"
 #include "time/integrator_impl.hpp"
 #include "time/leapfrog.hpp"
-#include "time/rosenbrock.hpp"
 
 namespace stickslip {
 
@@ -68,10 +67,6 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   set_tolerances(tolerances_of(spec));
   SS_TRY(TSSetUp(ts));
   method = &offered_method(choice.type, subtype_now(choice.type));
-  if (!fused && choice.type == TSROSW && model.scene().load.varies()) {
-    equations->set_rates(rosenbrock_rates(method->subtype));
-    SS_TRY(TSSetPostStage(ts, PostStage));
-  }
   if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, advance);
   read_adaptivity(spec.step > 0, u);
   SS_TRY(TSGetTimeStep(ts, &fixed_dt));

@@ -35,7 +35,6 @@ PetscErrorCode Integrator::Impl::PreStage(TS ts, PetscReal) {
 PetscErrorCode Integrator::Impl::PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
   return guarded([&] {
     of(ts).guard.after_stage(index);
-    of(ts).equations->after_stage(index);
   });
 }
 PetscErrorCode Integrator::Impl::DomainError(TS ts, PetscReal, Vec u, PetscBool* accept) {

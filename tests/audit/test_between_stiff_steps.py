@@ -6,7 +6,7 @@ from laboratory import draw, motion
 from reference import words
 
 METHODS = ["", "-imex_implicit both", "-ts_type arkimex -ts_arkimex_type 4", "-ts_type arkimex -ts_arkimex_type 5", "-ts_type rosw",
-           "-ts_type rosw -imex_implicit friction", "-ts_type arkimex -snes_max_it 60"]
+           "-ts_type arkimex -snes_max_it 60"]
 
 
 def creeping(generator):

@@ -10,7 +10,7 @@ import pytest
 
 from calls import call, data, run, same
 
-METHODS = ("rk:4", "rk:5dp", "rk:3bs", "euler", "ssp:rks2", "arkimex:4:friction", "rosw:ra34pw2:friction")
+METHODS = ("rk:4", "rk:5dp", "rk:3bs", "euler", "ssp:rks2", "arkimex:4:friction", "rosw:ra34pw2")
 AS_MANY = ("t_end", "steps", "rejections", "rhs_evaluations", "psi_min", "psi_max", "psi_mean", "eta_mean",
            "probes", "regime", "amplitude")
 
@@ -49,7 +49,7 @@ def draw(random):
     fixed = random.random() < 0.5
     if fixed:
         p |= {"ts_adapt_type": "none", "ts_dt": choice([0.02, 0.01])}
-        p |= method(choice(METHODS[:4] if sticks else METHODS[:6 if "model_nu" in p else 7]))
+        p |= method(choice(METHODS[:4] if sticks else METHODS[:6 if "model_nu" in p or "load_sine_amplitude" in p else 7]))
     ranks = [int(k) for k in random.integers(1, 5, 2)]
     return p, *ranks, int(random.integers(5, 30)), fixed
 

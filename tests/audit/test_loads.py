@@ -80,19 +80,16 @@ METHODS += [("ssp", name, order, "") for name, order in (("rks2", 2), ("rks3", 3
 METHODS += [("arkimex", name, order, split) for name, order in
             (("3", 3), ("4", 4), ("5", 5), ("2c", 2), ("2d", 2), ("2e", 2), ("a2", 2), ("l2", 2), ("ars122", 2), ("1bee", 1),
              ("ars443", 3), ("prssp2", 2)) for split in ("friction", "wave", "both")]
-ROSENBROCK = [("ra34pw2", 3), ("rodas3", 3), ("sandu3", 3), ("ra3pw", 3), ("assp3p3s1c", 3), ("grk4t", 4), ("shamp4", 4),
-              ("veldd4", 4), ("4l", 4), ("2m", 2), ("2p", 2), ("theta1", 1), ("theta2", 2)]
-METHODS += [("rosw", name, order, "") for name, order in ROSENBROCK] + [("rosw", "ra34pw2", 3, "friction")]
 METHODS += [("bdf", name, min(int(name), 2), "") for name in "123456"]
 METHODS += [(name, "", order, "") for name, order in (("euler", 1), ("theta", 2), ("cn", 2), ("beuler", 1), ("alpha", 2),
                                                       ("leapfrog", 2))]
-SUBTYPES = {"rk": "-ts_rk_type", "ssp": "-ts_ssp_type", "arkimex": "-ts_arkimex_type", "rosw": "-ts_rosw_type",
+SUBTYPES = {"rk": "-ts_rk_type", "ssp": "-ts_ssp_type", "arkimex": "-ts_arkimex_type",
             "bdf": "-ts_bdf_order"}
 
 
 def method_options(method):
     kind, name, _, split = method
-    tight = "-snes_rtol 1e-13 -snes_atol 1e-15" if kind in ("rosw", "bdf", "theta", "cn", "beuler", "alpha") and not split else ""
+    tight = "-snes_rtol 1e-13 -snes_atol 1e-15" if kind in ("bdf", "theta", "cn", "beuler", "alpha") and not split else ""
     return f"-ts_type {kind} " + (f"{SUBTYPES[kind]} {name} " if name else "") + \
         (f"-imex_implicit {split} " if split else "") + tight
 
@@ -133,11 +130,3 @@ def check_order(index, scene, method):
 def test_orders_of_all_methods(scenes):
     for index, (scene, method) in scenes(draw_order, 43, 6):
         check_order(index, scene, method)
-
-
-def test_orders_of_rosenbrock_methods():
-    """Every kind, whose stages see the rate of the load besides."""
-    rng = np.random.default_rng(44)
-    for index, (name, order) in enumerate(ROSENBROCK):
-        scene, _ = draw_order(rng)
-        check_order(index, scene, ("rosw", name, order, ""))

@@ -303,7 +303,7 @@ def draw_run(random):
     if random.random() < 0.1 and not has_state(o):  # tangent vectors begin at random: states' are not turned round
         o["lyapunov_count"] = 2
     if random.random() < 0.3:
-        o["ts_type"] = str(random.choice(["rk", "arkimex", "rosw", "bdf"]))
+        o["ts_type"] = str(random.choice(["rk", "arkimex", "arkimex" if any(k.startswith("load") for k in o) else "rosw", "bdf"]))
     o["out_frames"] = 9
     return o
 

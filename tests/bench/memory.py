@@ -43,7 +43,6 @@ ROWS = [  # what, nodes, ranks, options
      f"{RUN} {BRIEF} -friction_law coulomb -ts_type arkimex -imex_implicit friction"),
     ("`leapfrog`", 1000000, 1, f"{RUN} -ts_type leapfrog -ts_dt 0.1"),
     ("`arkimex`, friction", 1000000, 1, f"{RUN} -ts_type arkimex -imex_implicit friction"),
-    ("`rosw`, friction", 1000000, 1, f"{RUN} -ts_type rosw -imex_implicit friction"),
     ("`arkimex`, wave", 1000000, 1, f"{RUN} -ts_type arkimex -imex_implicit wave"),
     ("`arkimex`, wave, a state", 600000, 1,
      f"{RUN} {BRIEF} -ts_type arkimex -ts_arkimex_type 4 -imex_implicit wave {STATE}"),
@@ -81,7 +80,7 @@ def drawn(count, seed):
         parts = [draw.choice(["", STATE, "-friction_law carlson-langer -friction_stick regularised", "-friction_spread 0.2"]),
                  draw.choice(["", ENDS, "-bc_left velocity -bc_right free"]), f"-grid_order {draw.choice([2, 4, 6])}",
                  draw.choice(["-ts_type rk -ts_rk_type " + draw.choice(["3bs", "5f", "5dp", "8vr"]),
-                              "-ts_type rk -ts_rk_type 5bs -rk_fused false", "-ts_type rosw -imex_implicit friction",
+                              "-ts_type rk -ts_rk_type 5bs -rk_fused false",
                               "-ts_type bdf", "-ts_type rosw", "-ts_type beuler -ts_dt 0.001",
                               f"-ts_type arkimex -ts_arkimex_type {draw.choice([3, 4, 5])} -imex_implicit "
                               + draw.choice(["friction", "wave", "both"])]),

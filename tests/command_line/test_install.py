@@ -132,7 +132,7 @@ SCENES = [
     (f"run {RING} -init_type sine -ts_max_time 3", "steps psi_min psi_max eta_mean rhs_evaluations"),
     (f"run {RING} -init_type sine -ts_max_time 3 -ts_type arkimex -imex_implicit friction", "steps psi_min psi_max eta_mean"),
     (f"run {RING} -init_type sine -ts_max_time 3 -ts_type arkimex -imex_implicit both", "steps psi_min psi_max eta_mean"),
-    (f"run {RING} -init_type sine -ts_max_time 3 -ts_type rosw -imex_implicit friction", "steps psi_min psi_max eta_mean"),
+    (f"run {RING} -init_type sine -ts_max_time 3 -ts_type arkimex -imex_implicit friction", "steps psi_min psi_max eta_mean"),
     (f"run {RING} -init_type sine -ts_max_time 3 -friction_spread 0.2 -friction_spread_kind uniform", "steps psi_min psi_max"),
     (f"spectrum {RING} -model_v 0.95", "growth_rate frequency"),
     (f"boundary {RING} -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -boundary_of sliding", "points"),

@@ -18,7 +18,7 @@ CORNERS = [t for t, _ in PLATE.points]
 
 
 METHODS = ["", "-ts_type rk", "-ts_type rk -rk_fused false", "-ts_type arkimex -imex_implicit friction -rk_fused false",
-           "-ts_type arkimex -imex_implicit wave", "-ts_type arkimex -imex_implicit both", "-ts_type bdf", "-ts_type rosw"]
+           "-ts_type arkimex -imex_implicit wave", "-ts_type arkimex -imex_implicit both", "-ts_type bdf"]
 
 
 def test_against_scipy():
@@ -38,7 +38,7 @@ def test_against_scipy():
 ORDERS = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1),
           ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit friction", 4, 0.1),
           ("-ts_type arkimex -ts_arkimex_type 3 -imex_implicit wave", 3, 0.05),
-          ("-ts_type rosw -ts_rosw_type ra34pw2", 3, 0.05), ("-ts_type rosw -imex_implicit friction", 3, 0.05), ("-ts_type bdf -ts_bdf_order 2", 2, 0.02)]
+          ("-ts_type bdf -ts_bdf_order 2", 2, 0.02)]
 
 
 def test_orders():

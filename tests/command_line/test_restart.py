@@ -52,7 +52,7 @@ def goes_on(arguments, name, ranks=2, every=3):
 
 
 SEVERAL_RANKS = {"rk:5dp none", "rk:3bs none", "euler none", "ssp:rks2 none", "arkimex:3 friction", "arkimex:4 wave",
-                 "arkimex:4 both", "rosw:ra34pw2 both", "rosw:ra34pw2 friction", "bdf:2 both", "bdf:6 both", "theta both", "cn both", "alpha both"}
+                 "arkimex:4 both", "rosw:ra34pw2 both", "bdf:2 both", "bdf:6 both", "theta both", "cn both", "alpha both"}
 METHODS = list(methods())
 
 

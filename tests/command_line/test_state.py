@@ -38,7 +38,6 @@ def test_orders():
              "ageing": "-friction_law rate-and-state -state_law ageing -friction_a 0.3 -friction_b 0.5 -friction_D 1",
              "slip": "-friction_law rate-and-state -state_law slip -friction_a 0.3 -friction_b 0.5 -friction_D 1"}
     methods = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1), ("-ts_type arkimex -ts_arkimex_type 3 -imex_implicit friction", 3, 0.05),
-               ("-ts_type rosw -imex_implicit friction", 3, 0.05),
                ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit both", 4, 0.1)]
     for law, options in state.items():
         scene = BLOCK + " -model_k0 1 -init_psi 0.6 -ts_max_time 2 " + options

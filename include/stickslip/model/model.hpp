@@ -57,10 +57,9 @@ class Model {
   // those of that time too. Without a load they do nothing. Not collective.
   void begin_load(double t) const;
   void set_time(double t) const;
-  double time() const;                        // said last
-  double plate_velocity(double t) const;      // v, or v(t) in that piece
-  double plate_acceleration(double t) const;  // dv/dt there
-  NormalLoad normal_load(double t) const;     // likewise
+  double time() const;                     // said last
+  double plate_velocity(double t) const;   // v, or v(t) in that piece
+  NormalLoad normal_load(double t) const;  // likewise
   // What a step of the normal load at t, where one piece ends and another begins, does to the state.
   void pass_corner(Vec u, double t) const;
 

@@ -12,7 +12,7 @@ namespace stickslip {
 enum class MethodKind {
   explicit_,  // takes the whole right-hand side
   imex,       // splits it as imex_implicit says
-  implicit    // takes everything implicitly, unless it splits (splits_of) and imex_implicit asks for it
+  implicit    // takes everything implicitly
 };
 
 enum class Adaptivity {

@@ -15,8 +15,7 @@
 //     none      nothing
 // Explicit methods (rk, ssp, euler) take the whole right-hand side; rk takes all stages of a step tile by
 // tile in the cache (rk_fused; docs/developers/performance.md), with PETSc's tableau, error control, options;
-// methods that are fully implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly, but for
-// rosw:ra34pw2 when friction is asked for.
+// methods that are fully implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly.
 #pragma once
 
 #include <algorithm>
