@@ -19,7 +19,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/numerics/banded_ksp.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -10,7 +10,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/reach.hpp"
 #include "stickslip/model/springs.hpp"
-#include "stickslip/numerics/banded_ksp.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
 
 namespace stickslip {
 

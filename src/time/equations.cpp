@@ -8,7 +8,7 @@
 #include "base/local_values.hpp"
 #include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/banded_ksp.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
 #include "time/choice.hpp"
 #include "time/fused_step.hpp"
 

@@ -1,4 +1,4 @@
-#include "stickslip/numerics/banded_ksp.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
 
 #include "stickslip/base/error.hpp"
 
