@@ -48,9 +48,10 @@ endif()
 set(stickslip_settings "")
 find_file(stickslip_petscconf petscconf.h PATHS ${STICKSLIP_PETSC_INCLUDE_DIRS} NO_DEFAULT_PATH NO_CACHE)
 if(stickslip_petscconf)
-  file(STRINGS "${stickslip_petscconf}" stickslip_settings REGEX "#define PETSC_(USE_|HAVE_MPIUNI)")
+  file(STRINGS "${stickslip_petscconf}" stickslip_settings REGEX "#define PETSC_(USE_|HAVE_(MPIUNI|64BIT_BLAS))")
 endif()
 foreach(refused "USE_COMPLEX;complex scalars;--with-scalar-type=real" "HAVE_MPIUNI;no MPI;--with-mpi"
+                "HAVE_64BIT_BLAS_INDICES;a BLAS of 64-bit integers;with one of 32 bits"
                 "USE_REAL_(SINGLE|__FLOAT128|__FP16);another precision;--with-precision=double")
   list(GET refused 0 stickslip_setting)
   list(GET refused 1 stickslip_has)

@@ -327,9 +327,7 @@ MatHandle Model::create_jacobian(Part part) const {
   SS_TRY(MatCreate(impl_->comm, J.out()));
   SS_TRY(MatSetSizes(J, local * dof, local * dof, scene().n * dof, scene().n * dof));
   SS_TRY(MatSetBlockSize(J, dof));
-  // Blocks by themselves are inverted by pbjacobi, which from PETSc 3.20 on keeps the inverses of a BAIJ's
-  // first values.
-  SS_TRY(MatSetType(J, has_stencil(part) ? MATBAIJ : MATAIJ));
+  SS_TRY(MatSetType(J, MATBAIJ));
   SS_TRY(MatSetFromOptions(J));
   std::vector<PetscInt> inside(local, 1), outside(local, 0);
   if (has_stencil(part)) {

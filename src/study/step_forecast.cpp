@@ -12,6 +12,7 @@
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "time/leapfrog.hpp"
 
@@ -224,18 +225,14 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   SS_TRY(TSSetMaxTime(ts_, 1e300));
   if (like.method().kind == MethodKind::explicit_) return;
   SS_TRY(TSSetIFunction(ts_, nullptr, IFunction, this));
-  SS_TRY(MatCreateSeqAIJ(PETSC_COMM_SELF, size, size, dof_, nullptr, J_.out()));  // why no BAIJ: model.cpp
-  SS_TRY(MatSetBlockSize(J_, dof_));
+  SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
   SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
   SNES snes;
   KSP ksp;
-  PC pc;
   SS_TRY(TSGetSNES(ts_, &snes));
   SS_TRY(SNESSetType(snes, SNESKSPONLY));
   SS_TRY(SNESGetKSP(snes, &ksp));
-  SS_TRY(KSPSetType(ksp, KSPPREONLY));
-  SS_TRY(KSPGetPC(ksp, &pc));
-  SS_TRY(PCSetType(pc, PCPBJACOBI));
+  solve_by_blocks(ksp);
 }
 
 // The columns of a wave's propagator stand one behind the other: entry (wave, column, row) of `a` and `out`.

@@ -181,10 +181,7 @@ void Equations::set_newton(SNES snes, const std::string& prefix) {
 
 void Equations::set_linear_solver(KSP ksp) const {
   if (implicit_ == Implicit::wave || implicit_ == Implicit::both) return solve_by_banded_lu(ksp);
-  PC pc;
-  SS_TRY(KSPSetType(ksp, KSPPREONLY));
-  SS_TRY(KSPGetPC(ksp, &pc));
-  SS_TRY(PCSetType(pc, PCPBJACOBI));
+  solve_by_blocks(ksp);
 }
 
 }  // namespace stickslip

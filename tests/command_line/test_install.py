@@ -202,6 +202,7 @@ def test_a_petsc_that_does_not_fit():
             ("3.22.5", "3.22.2", "USE_COMPLEX", "has complex scalars; one configured --with-scalar-type=real is needed"),
             ("3.25.5", "3.25.1", "USE_REAL_SINGLE", "has another precision; one configured --with-precision=double"),
             ("3.20.0", "3.20.0", "USE_REAL___FLOAT128", "has another precision"), ("3.20.0", "3.20.0", "HAVE_MPIUNI", "has no MPI"),
+            ("3.23.0", "3.23.0", "HAVE_64BIT_BLAS_INDICES", "has a BLAS of 64-bit integers; one configured with one of 32 bits"),
             ("3.17.4", "3.17.2", "USE_REAL_DOUBLE", "is too old: from 3.18 on"),
             ("3.24.0", "3.23.1", "USE_REAL_DOUBLE", "there is no SLEPc of the release of PETSc 3.24.0")):
         text = refused(petsc, slepc, setting)
