@@ -2,10 +2,11 @@
 # Makes bare Debian systems, runs ./demo and ./check in each as typed, and prints the table of docs/install.md, a row for each.
 # usage: scripts/systems.sh SUITE ...     bookworm, trixie, sid, ... from the Debian source of this machine; as root
 #   SYSTEMS [results/systems]   the folder of the systems and of what they said (SUITE.log); one that is there is gone on with
+#   CCACHE   a folder: what each suite's compiler made is kept there by ccache, and taken from there
 # What is checked is the revision that is committed. Needs debootstrap, 3 GB and half an hour of two idle processors a system.
 set -eu
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-(($#)) || { sed -n 's/^# //; 2,5p' "$0" >&2; exit 2; }
+(($#)) || { sed -n 's/^# //; 2,6p' "$0" >&2; exit 2; }
 (($(id -u) == 0)) || { echo "error: a system is made by root alone" >&2; exit 2; }
 command -v debootstrap >/dev/null || { echo "error: debootstrap is needed (a package of that name)" >&2; exit 2; }
 folder=${SYSTEMS:-$root/results/systems}
@@ -15,7 +16,7 @@ source=$(sed -n 's/^URIs: *//p; s/^deb \(\[[^]]*\] \)\?\([^ ]*\) .*/\2/p' /etc/a
          2>/dev/null | head -n 1)
 source=${source:-http://deb.debian.org/debian}
 
-mounted=()
+mounted=() through=()
 leave() {  # what was mounted goes, whatever ends this
   local one
   for ((one = ${#mounted[@]} - 1; one >= 0; --one)); do umount "${mounted[one]}" || true; done
@@ -39,6 +40,12 @@ make_system() {
   mount -t sysfs sysfs "$system/sys" && mounted+=("$system/sys")  # Open MPI speaks on stderr without it
   mount -t devpts devpts "$system/dev/pts" && mounted+=("$system/dev/pts")
   mount -t tmpfs tmpfs "$system/dev/shm" && mounted+=("$system/dev/shm")
+  if [ -n "${CCACHE-}" ]; then
+    inside "$system" bash -c "command -v ccache || { apt-get -q update && apt-get -q -y install --no-install-recommends ccache; }"
+    mkdir -p "$CCACHE/$1" "$system/ccache"
+    mount --bind "$CCACHE/$1" "$system/ccache" && mounted+=("$system/ccache")
+    through=(CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime)
+  fi
   rm -rf "$system/root/stickslip"
   git clone -q "$root" "$system/root/stickslip"
 }
@@ -47,7 +54,7 @@ inside() {
   local system=$1
   shift
   chroot "$system" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin http_proxy="${http_proxy-}" \
-    https_proxy="${https_proxy-}" "$@" </dev/null
+    https_proxy="${https_proxy-}" "${through[@]}" "$@" </dev/null
 }
 
 version() { inside "$1" dpkg-query -W -f '${source:Upstream-Version}' "$2" 2>/dev/null | sed 's/[+~].*//'; }

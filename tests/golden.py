@@ -207,8 +207,8 @@ def plain(value):
     return value
 
 
-def differences(before, now):
-    """(file, field, how far apart, the bound) of all that is not equal in two folders of one scene."""
+def differences(before, now, within):
+    """(file, field, how far apart, the bound) of all that is not equal in two folders of one scene; `within`: any bound at least."""
     scene = os.path.basename(now)
     names = {os.path.basename(p) for folder in (before, now) for p in glob.glob(os.path.join(folder, "step-*"))}
     for name in sorted(names):
@@ -221,7 +221,7 @@ def differences(before, now):
         for key in sorted(set(one) | set(other)):
             if NEVER.search(key):
                 continue
-            bound = max((b for s, f, b, _ in BOUNDS if re.search(s, scene) and re.search(f, key)), default=0.0)
+            bound = max([within, *(b for s, f, b, _ in BOUNDS if re.search(s, scene) and re.search(f, key))])
             if bound == np.inf:
                 continue
             if key not in one and "options/" in key:
@@ -251,7 +251,7 @@ def compare(asked):
     bad = 0
     names = sorted(os.listdir(asked.now))
     for name in names:
-        found = list(differences(os.path.join(asked.before, name), os.path.join(asked.now, name)))
+        found = list(differences(os.path.join(asked.before, name), os.path.join(asked.now, name), asked.within))
         bad += bool(found)
         for file, key, how, bound in found[:asked.most]:
             print(f"{name}: {file} {key}: {how}" + (f" (bound {bound:.0e})" if bound else ""))
@@ -300,6 +300,7 @@ def main():
     comparing.add_argument("before")
     comparing.add_argument("now")
     comparing.add_argument("--most", type=int, default=6, help="lines a scene")
+    comparing.add_argument("--within", type=float, default=0.0, help="the least bound: round-off, of programs of two systems")
     comparing.set_defaults(call=compare)
     timing = kinds.add_parser("turns")
     timing.add_argument("one")

@@ -1,7 +1,5 @@
 // Loops over steps, and over starts and stops, that do not get on in time are ended, and hear signals; and
 // the next release of a node at rest is found ahead.
-#include <catch2/catch.hpp>
-
 #include <cmath>
 #include <csignal>
 #include <random>
@@ -10,6 +8,7 @@
 #include "base/broadcast.hpp"
 #include "base/idling.hpp"
 #include "base/pulse.hpp"
+#include "catch.hpp"
 #include "model/release.hpp"
 #include "numerics/first_rise.hpp"
 #include "stickslip/base/error.hpp"

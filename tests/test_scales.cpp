@@ -1,7 +1,7 @@
 // The scales of a scene, and the tolerances of a step that are parts of them.
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/time/time.hpp"

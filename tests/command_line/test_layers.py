@@ -51,6 +51,12 @@ def test_lines_of_at_most_110_columns():
         assert not wide, f"{path}: lines {wide}"
 
 
+def test_releases_of_catch2_are_met_in_one_place():
+    for path in glob.glob(os.path.join(SOURCE, "tests", "**", "*.?pp"), recursive=True):
+        with open(path, encoding="utf-8") as file:
+            assert "<catch2/" not in file.read() or os.path.basename(path) == "catch.hpp", path
+
+
 THREADS = re.compile(r"^\s*#\s*include\s*<(thread|future|mutex|shared_mutex|condition_variable|atomic|execution|omp\.h|pthread\.h)>"
                      r"|\bstd::(thread|async)\b|^\s*#\s*pragma\s+omp\b|\bpthread_\w+|-fopenmp|find_package\((Threads|OpenMP)"
                      r"|MPI_THREAD_(SERIALIZED|MULTIPLE)", re.MULTILINE)
