@@ -25,29 +25,37 @@ leave() {  # what was mounted goes, whatever ends this
 trap leave EXIT
 trap 'exit 130' INT TERM
 
-# Makes the system of the suite $1 where it is not there yet, as this machine reaches its Debian source.
+# Makes the system of the suite $1 where it is not there yet, as this machine reaches its Debian source. Its status is
+# asked for, so that errors do not end it by themselves.
 make_system() {
   local system=$folder/$1
-  [ -e "$system/made" ] || {
-    debootstrap --variant=minbase "$1" "$system" "$source"
-    cp /etc/apt/apt.conf.d/*proxy* "$system/etc/apt/apt.conf.d/" 2>/dev/null || true
+  if ! [ -e "$system/made" ]; then
+    debootstrap --variant=minbase "$1" "$system" "$source" || return 1
+    cp /etc/apt/apt.conf.d/*proxy* "$system/etc/apt/apt.conf.d/" 2>/dev/null
     echo 'Acquire::Check-Valid-Until "false";' > "$system/etc/apt/apt.conf.d/99copy"  # of a copy that is not of today
     touch "$system/made"
-  }
+  fi
   cp /etc/resolv.conf /etc/hosts "$system/etc/"
   mkdir -p "$system/dev/shm"
-  mount -t proc proc "$system/proc" && mounted+=("$system/proc")
-  mount -t sysfs sysfs "$system/sys" && mounted+=("$system/sys")  # Open MPI speaks on stderr without it
-  mount -t devpts devpts "$system/dev/pts" && mounted+=("$system/dev/pts")
-  mount -t tmpfs tmpfs "$system/dev/shm" && mounted+=("$system/dev/shm")
+  put proc -t proc && put sys -t sysfs && put dev/pts -t devpts && put dev/shm -t tmpfs || return 1
   if [ -n "${CCACHE-}" ]; then
-    inside "$system" bash -c "command -v ccache || { apt-get -q update && apt-get -q -y install --no-install-recommends ccache; }"
+    inside "$system" bash -c "command -v ccache || { apt-get -q update && apt-get -q -y install --no-install-recommends ccache; }" ||
+      return 1
     mkdir -p "$CCACHE/$1" "$system/ccache"
-    mount --bind "$CCACHE/$1" "$system/ccache" && mounted+=("$system/ccache")
-    through=(CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime)
+    put ccache --bind "$CCACHE/$1" || return 1
+    through=(CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache
+             CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime)
   fi
   rm -rf "$system/root/stickslip"
   git clone -q "$root" "$system/root/stickslip"
+}
+
+# Mounts at $1 of `system`; Open MPI speaks on stderr where there is no /sys.
+put() {
+  local at=$system/$1
+  shift
+  [ "$1" = --bind ] || set -- "$@" none
+  mount "$@" "$at" && mounted+=("$at")
 }
 
 inside() {
