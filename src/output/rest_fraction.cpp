@@ -9,6 +9,12 @@
 
 namespace stickslip {
 
+namespace {
+
+constexpr double soon = 16;  // of a step: no next one is longer
+
+}  // namespace
+
 SummaryKey RestFraction::key() {
   return {
       "rest_fraction", "1",
@@ -25,14 +31,17 @@ RestFraction::RestFraction(const Model& model, double t_end)
 
 void RestFraction::step(const ObservedStep& step) {
   const double begin = std::max(step.t_before, 0.75 * t_end_), dt = std::max(step.t - begin, 0.);
-  measured_ += dt;
   if (by_clusters_) {
+    measured_ += dt;
     rested_[0] +=
         dt * (model_.scene().n - double(model_.held(0)) - double(model_.held(model_.scene().n - 1)));
     return;
   }
-  const Reading u(step.u);
   const double whole = step.t - step.t_before;
+  // of what is looked at closely only what is measured, and the step before it
+  if (slow_ > 0 && step.t + soon * whole < 0.75 * t_end_) return last_.clear();
+  const Reading u(step.u);
+  if (slow_ == 0 || !last_.empty()) measured_ += dt;
   rested_[0] += dt * (slow_ > 0 ? look_within(u + 0, step.t, whole, whole > 0 ? 1 - dt / whole : 0)
                                 : double(look_at(u + 0)));
 }
@@ -87,7 +96,10 @@ double RestFraction::part_at_rest(PetscInt i, const double* u, double normal, do
   };
   const NodeMoment a = moment(&last_[i * dof], last_normal_, rates_[1 - now_]),
                    b = moment(&u[i * dof], normal, rates_[now_]);
-  const double rate_a = rates_[now_].of(i, a, 0, dt), rate_b = rates_[now_].of(i, b, 0, dt);
+  const double rate_a = rates_[now_].of(i, a, 0, dt);
+  // what is outside at both ends, on one side, comes in only if it begins by that
+  if (std::abs(a.psi) > slow_ && std::abs(b.psi) > slow_ && a.psi * b.psi > 0 && rate_a * a.psi > 0) return 0;
+  const double rate_b = rates_[now_].of(i, b, 0, dt);
   return StepCourse(a.psi, b.psi, rate_a, rate_b, dt).part_within(slow_, begin);
 }
 
@@ -107,6 +119,7 @@ void RestFraction::archive(Archive& a) {
   rests_.assign(rests.begin(), rests.end());
   if (slow_ > 0 && a.has("rest.within")) {
     double slow = slow_;
+    if (last_.empty()) last_normal_ = 0;
     a("rest.within", slow, last_normal_);
     const auto dof = std::size_t(model_.dof()), n = std::size_t(model_.local());
     std::vector<std::vector<double>> columns(dof, std::vector<double>(n));
@@ -118,7 +131,8 @@ void RestFraction::archive(Archive& a) {
     a.nodes("rest.last", lists);
     last_.resize(dof * n);
     for (std::size_t i = 0; i < dof * n; ++i) last_[i] = columns[i % dof][i / dof];
-    if (rates_[now_].ask_beside()) rates_[now_].look_beside(last_.data());
+    if (last_normal_ == 0) last_.clear();  // not looked at
+    if (!last_.empty() && rates_[now_].ask_beside()) rates_[now_].look_beside(last_.data());
   }
   a.by_rank("rest.rested", rested_);
   if (t_end == t_end_) return;

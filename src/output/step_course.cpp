@@ -1,8 +1,10 @@
 #include "output/step_course.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -69,12 +71,12 @@ double StepCourse::rise_to(double level) const {
 }
 
 double StepCourse::part_below(double level, double begin) const {
-  std::vector<double> turns = {begin};  // from one to the next it is monotone
-  extrema([&](double s) { turns.push_back(std::max(s, begin)); });
-  turns.push_back(1);
-  std::sort(turns.begin(), turns.end());
+  std::array<double, 4> turns = {begin, 1, 1, 1};  // from one to the next it is monotone
+  std::size_t count = 1;
+  extrema([&](double s) { turns[count++] = std::max(s, begin); });
+  if (count == 3 && turns[2] < turns[1]) std::swap(turns[1], turns[2]);
   double sum = 0;
-  for (std::size_t k = 0; k + 1 < turns.size(); ++k) {
+  for (std::size_t k = 0; k < count; ++k) {
     const double a = turns[k], b = turns[k + 1], at_a = (*this)(a) - level, at_b = (*this)(b) - level;
     if ((at_a <= 0) == (at_b <= 0)) {
       sum += at_a <= 0 ? b - a : 0;
