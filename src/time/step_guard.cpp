@@ -7,7 +7,7 @@
 
 namespace stickslip {
 
-// psi and eta beyond 1e20 and a state beyond 1e42 count as not finite: no units make a motion that large, a
+// psi and eta beyond 1e50 and a state beyond 1e42 count as not finite: no units make a motion that large, a
 // step from there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the
 // error are still finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
 bool all_finite(const Model& model, Vec u) {
@@ -18,7 +18,7 @@ bool all_finite(const Model& model, Vec u) {
   double sum = 0;
   for (PetscInt i = 0; i < count; i += dof)
     for (PetscInt d = 0; d < dof; ++d) {
-      const double x = (d < 2 ? 1e82 : 1e60) * a[i + d], cube = x * x * x;
+      const double x = (d < 2 ? 1e52 : 1e60) * a[i + d], cube = x * x * x;
       sum += cube - cube;
     }
   int all = sum == 0 ? 1 : 0;
