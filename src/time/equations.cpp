@@ -63,12 +63,53 @@ PetscErrorCode Equations::IJacobian(TS, PetscReal, Vec u, Vec, PetscReal shift, 
   });
 }
 
-// Newton's step, before the line search takes it.
+// Newton's step, before a line search takes it.
 PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
     *changed = self.model_.safeguard_newton_step(u, self.last_shift_, minus_step) ? PETSC_TRUE : PETSC_FALSE;
   });
+}
+
+PetscErrorCode Equations::Search(SNESLineSearch search, void* context) {
+  return guarded([&] { static_cast<Equations*>(context)->search(search); });
+}
+
+// Halves Newton's step until it makes the residual less, as PETSc's own search does, whose norm adds what has
+// different units.
+void Equations::search(SNESLineSearch search) const {
+  constexpr int most_halvings = 40;
+  SNES snes;
+  Vec u, residual, minus_step, next, residual_there;
+  SS_TRY(SNESLineSearchGetSNES(search, &snes));
+  SS_TRY(SNESLineSearchGetVecs(search, &u, &residual, &minus_step, &next, &residual_there));
+  PetscBool changed;
+  SS_TRY(SNESLineSearchPreCheck(search, u, minus_step, &changed));
+  const double before = size_of(residual);
+  SNESLineSearchReason reason = SNES_LINESEARCH_FAILED_REDUCT;
+  for (int k = 0; k <= most_halvings && reason != SNES_LINESEARCH_SUCCEEDED; ++k) {
+    SS_TRY(VecWAXPY(next, -std::ldexp(1., -k), minus_step, u));
+    SS_TRY(SNESComputeFunction(snes, next, residual_there));
+    if (size_of(residual_there) < before) reason = SNES_LINESEARCH_SUCCEEDED;
+  }
+  SS_TRY(VecCopy(next, u));
+  SS_TRY(VecCopy(residual_there, residual));
+  SS_TRY(SNESLineSearchComputeNorms(search));
+  SS_TRY(SNESLineSearchSetReason(search, reason));
+}
+
+// The sum of squares, each row in parts of the scale of its unknown. Collective.
+double Equations::size_of(Vec residual) const {
+  const int dof = model_.dof();
+  double sum = 0;
+  {
+    const Reading rows(residual);
+    for (PetscInt i = 0; i < model_.local() * dof; ++i) {
+      const double off = rows[i] / tolerances_.scales.of(int(i % dof));
+      sum += off * off;
+    }
+  }
+  return sum_over(model_.comm(), sum);
 }
 
 // What an equation is off by, over what it may be off by: the largest of all nodes. A residual, in psi's row
@@ -174,6 +215,12 @@ void Equations::set_newton(SNES snes, const std::string& prefix) {
   SNESLineSearch search;
   SS_TRY(SNESGetLineSearch(snes, &search));
   SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
+  SS_TRY(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
+#if PETSC_VERSION_LT(3, 21, 0)
+  SS_TRY(SNESLineSearchShellSetUserFunc(search, Search, this));
+#else
+  SS_TRY(SNESLineSearchShellSetApply(search, Search, this));
+#endif
   for (const char* own : {"snes_rtol", "snes_atol", "snes_stol"})
     as_user_has_it_ = as_user_has_it_ || user_set(prefix, own);
   SS_TRY(SNESSetConvergenceTest(snes, Converged, this, nullptr));

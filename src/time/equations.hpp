@@ -33,8 +33,11 @@ class Equations {
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
   static PetscErrorCode TameStep(SNESLineSearch, Vec, Vec, PetscBool*, void*);
+  static PetscErrorCode Search(SNESLineSearch, void*);
   static PetscErrorCode Converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
                                   void*);
+  void search(SNESLineSearch search) const;
+  double size_of(Vec residual) const;
   double largest_miss(Vec u, Vec residual) const;
   void set_newton(SNES snes, const std::string& prefix);
   void set_linear_solver(KSP ksp) const;
