@@ -85,6 +85,7 @@ class Waves {
 struct Rates {
   double at_zero, diffusion, largest, of_finite, short_waves, error;
   double longest_wave;  // wavenumber from which on `largest` is looked for
+  double least;         // what a rate is rounded by
 };
 
 // The one verdict: stable where everything decays, unstable where something grows, undecided where a rate
@@ -93,8 +94,8 @@ void judge(const Rates& r, BlochSpectrum& out) {
   const double waves = std::fmax(r.of_finite, r.short_waves);  // the second may be NaN
   const bool forced = std::isnan(r.diffusion);                 // long waves are as all others
   const double long_wave = forced ? -1 : -r.diffusion * r.longest_wave * r.longest_wave;
-  const bool grows = std::max({r.at_zero, r.largest, waves}) > r.error || long_wave > 1e-12;
-  out.stable = !grows && r.at_zero < -r.error && waves < -r.error && long_wave < -1e-12;
+  const bool grows = std::max({r.at_zero, r.largest, waves}) > r.error || long_wave > r.least;
+  out.stable = !grows && r.at_zero < -r.error && waves < -r.error && long_wave < -r.least;
   out.decided = grows || out.stable;
 }
 
@@ -117,10 +118,11 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   out.largest_at_zero = out.growth_rate = growth_rate(cycle);
   if (cycle.multipliers.size() > 1) out.multiplier = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
   out.coupled = waves.coupled();
+  const double least = 1e-12 / waves.period();
   const bool forced = cycle.forcing_periods > 0;  // no phase diffuses, and no multiplier is 1 by itself
   const double error =
       (forced ? 0 : std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period()) +
-      1e-12;
+      least;
   if (!out.coupled) {
     out.stable = out.largest_at_zero < 0;
     out.decided = std::abs(out.largest_at_zero) > error;
@@ -144,7 +146,7 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   }
   out.largest_of_finite = scan.largest_of_finite();
   judge({out.largest_at_zero, out.diffusion, out.growth_rate, out.largest_of_finite, out.short_waves, error,
-         longest_wave},
+         longest_wave, least},
         out);
   return out;
 }

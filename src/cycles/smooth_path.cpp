@@ -150,7 +150,10 @@ void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh
   there_.period_error = period_error;
   const Condition after = plane(field(there_.x.back()), there_);
   double dot = 0;
-  for (size_t a = 0; a < d_; ++a) dot += after.y0[a] * phase.y0[a];
+  for (size_t a = 0; a < d_; ++a) {
+    const double unit = last_field_->unit(int(a));
+    dot += after.y0[a] * unit * phase.y0[a] * unit;
+  }
   candidate_turn_ = dot < 0 ? -turn_ : turn_;
 }
 

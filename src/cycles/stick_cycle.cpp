@@ -245,14 +245,15 @@ Grazing distance_from_graze(const Scene& s, double tolerance) {
       const double now = once.at.u.back(), last = c.start.back();
       if (motion.dof() == 2) return grazing_of(motion, once);
       c.start = once.at.u;
-      if (std::abs(now - last) < 10 * tolerance * (1 + std::abs(now))) {
+      if (std::abs(now - last) < 10 * tolerance * (motion.state_scale() + std::abs(now))) {
         wishes.turns = true;
         return grazing_of(motion, return_map_of(motion, c, wishes));
       }
       // by the secant, where the map's slope is that of a cycle that attracts
       const double slope = 1 + (now - last - change) / (last - from),
                    limit = last + (now - last) / (1 - slope);
-      if (std::abs(slope) < 1 && std::abs(limit - now) < 100 * (1 + std::abs(now))) c.start.back() = limit;
+      const double far = 100 * (motion.state_scale() + std::abs(now));
+      if (std::abs(slope) < 1 && std::abs(limit - now) < far) c.start.back() = limit;
       from = last;
       change = now - last;
     }

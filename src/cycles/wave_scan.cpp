@@ -94,7 +94,8 @@ void WaveScan::follow_phase_mode(double diffusion) {
   constexpr int most = 40;
   for (int halvings = 0; halvings < most; ++halvings) {
     const double k = points_[1].wavenumber, expected = -diffusion * k * k;
-    if (std::abs(points_[1].growth_rate - expected) <= std::abs(expected) / 2 || std::abs(expected) < 1e-12)
+    if (std::abs(points_[1].growth_rate - expected) <= std::abs(expected) / 2 ||
+        std::abs(expected) < 1e-12 / setting_.period)
       return;
     points_.insert(points_.begin() + 1, at_(k / 2));
   }

@@ -21,9 +21,13 @@ class Section {
   explicit Section(const Oscillator& o) : d_(o.dim()), side_(o.side()) {
     o.steady(fixed_);
     size_ = std::max(std::abs(o.partials(fixed_[0], d_ == 3 ? fixed_[2] : 0).F), .1) + 1. / 3;
+    of_state_ = std::copysign(size_ / o.scale(2), fixed_[d_ - 1]);
   }
   // How far out to begin: the size of the friction force, or of its range over the slips that v drives.
   double size() const { return size_; }
+  // What a change of s by 1 counts as; its sign is that of s of sliding, which a mirror image turns where it
+  // turns s.
+  double of_state() const { return of_state_; }
   double side() const { return side_; }
   const double* sliding() const { return fixed_; }
   void start(double distance, double* y) const {
@@ -32,12 +36,12 @@ class Section {
   }
   double distance(const double* y) const { return distance(y, fixed_); }
   double distance(const double* y, const double* x) const {
-    return d_ == 2 ? side_ * (y[1] - x[1]) : std::hypot(y[1] - x[1], size_ * (y[2] - x[2]));
+    return d_ == 2 ? side_ * (y[1] - x[1]) : std::hypot(y[1] - x[1], of_state_ * (y[2] - x[2]));
   }
 
  private:
   int d_;
-  double side_, fixed_[max_dim], size_;
+  double side_, fixed_[max_dim], size_, of_state_;
 };
 
 [[noreturn]] void nothing_oscillates(const Oscillator& o, const std::string& why) {
@@ -105,7 +109,7 @@ double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Sectio
 // leaves y alone where it leaves its neighbourhood or does not settle.
 enum class Found { none, repels, attracts };
 Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, double* y) {
-  const double size = section.size(), begun = section.distance(y);
+  const double of_state = section.of_state(), begun = section.distance(y);
   double last_change = 1e300, p[max_dim];
   std::copy(y, y + max_dim, p);
   for (int k = 0; k < 30; ++k) {
@@ -117,7 +121,7 @@ Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, dou
     for (int j = 0; j < 2; ++j) {
       double moved[max_dim];
       std::copy(p, p + max_dim, moved);
-      const double eps = 1e-5 * distance / (j == 0 ? section.side() : size);
+      const double eps = 1e-5 * distance / (j == 0 ? section.side() : of_state);
       moved[1 + j] += eps;
       map(moved);
       for (int i = 0; i < 2; ++i) a[i * 2 + j] = (i == j ? 1. : 0.) - (moved[1 + i] - image[1 + i]) / eps;
@@ -126,7 +130,7 @@ Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, dou
     // of the map's derivative
     const double trace = 2 - a[0] - a[3], det = (1 - a[0]) * (1 - a[3]) - a[1] * a[2];
     if (!solve_dense(2, a, 1, b)) return Found::none;
-    const double change = std::max(std::abs(b[0]), size * std::abs(b[1])) / distance;
+    const double change = std::max(std::abs(b[0]), std::abs(of_state * b[1])) / distance;
     p[1] += b[0];
     p[2] += b[1];
     if (change < tolerance || (change < 1e-8 && change > .3 * last_change)) {
