@@ -65,7 +65,8 @@ Table<Eigenvalue> mode_table() {
           "mode",
           {{"re", "1/time", "growth rate", [](Row e) { return e.mode.value.real(); }},
            {"im", "1/time", "frequency", &Eigenvalue::im},
-           {"residual", "1/time", "|J x - lambda x|/|x|", [](Row e) { return e.mode.residual; }},
+           {"residual", "1/time", "|J x - lambda x|/|x|, x in the units in which J is balanced",
+            [](Row e) { return e.mode.residual; }},
            {"wavenumber", "1/length", "wavenumber", [](Row e) { return e.mode.wavenumber; }},
            {"resolved", "1", "1 where the grid resolves the mode", [](Row e) { return e.mode.resolved; }}},
           "number of the eigenvalue, rightmost first"};
