@@ -59,7 +59,7 @@ TEST_CASE("no wave grows faster than the one named, and the one named grows so f
     const auto lead = continuum_lead(s);
     REQUIRE(lead);
     const double unit = (scene.ring() ? 2 : 1) * M_PI / scene.length,
-                 level = 2e-9 * (unit_frequency(s) + s.A * 10);
+                 level = 2e-9 * (s.rate + s.A * 10);
     const int held = int(scene.left == End::velocity) + int(scene.right == End::velocity);
     for (int j = 0; j < 2000; ++j) REQUIRE(growth_of(s, unit * (held / 2. + j)) <= lead->growth + level);
     const bool limit = std::isinf(lead->wavenumber);

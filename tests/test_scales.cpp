@@ -24,7 +24,7 @@ Settings chain(const Settings& more) {
 
 TEST_CASE("scales are 1 where everything is about 1", "[scales]") {
   for (const Settings& settings : {Settings{}, chain({}), chain({{"friction_law", "carlson-langer"}})}) {
-    const Scales s = scales_of(scene_of(settings));
+    const Scales s = scales_of(scene_of(settings)).least;
     CHECK(s.psi == 1);
     CHECK(s.eta == 1);
     CHECK(s.state == 1);
@@ -32,7 +32,7 @@ TEST_CASE("scales are 1 where everything is about 1", "[scales]") {
 }
 
 TEST_CASE("the least velocity that a scene has is its scale", "[scales]") {
-  const auto psi = [](const Settings& more) { return scales_of(scene_of(chain(more))).psi; };
+  const auto psi = [](const Settings& more) { return scales_of(scene_of(chain(more))).least.psi; };
   CHECK(psi({{"model_v", "1e-6"}}) == 5 * 1e-6);
   CHECK(psi({{"model_v", "1e-6"}, {"load_sine_amplitude", "3e-6"}, {"load_sine_period", "7"}}) ==
         Approx(5 * 4e-6));
@@ -60,7 +60,7 @@ TEST_CASE("scales follow the units to the last bit, by powers of two", "[scales]
                                 {"model_m", "1.7"},
                                 {"model_f0", "2.9"}});
   const Scene scene = scene_of(given);
-  const Scales before = scales_of(scene);
+  const SceneScales before = scales_of(scene);
   const double length = std::ldexp(1., 13), time = std::ldexp(1., -21), force = std::ldexp(1., 9);
   Scene other = scene;
   other.f0 *= force;
@@ -68,10 +68,14 @@ TEST_CASE("scales follow the units to the last bit, by powers of two", "[scales]
   other.k1 *= force / length;
   other.m *= force * time * time / length;
   other.friction.values["friction_sigma0"] /= length;
-  const Scales after = scales_of(other);
-  CHECK(after.psi == before.psi * length / time);
-  CHECK(after.eta == before.eta);
-  CHECK(after.state == before.state * length);
+  const SceneScales after = scales_of(other);
+  CHECK(after.least.psi == before.least.psi * length / time);
+  CHECK(after.least.eta == before.least.eta);
+  CHECK(after.least.state == before.least.state * length);
+  CHECK(after.slip.psi == before.slip.psi * length / time);
+  CHECK(after.slip.state == before.slip.state * length);
+  CHECK(after.velocity == before.velocity * length / time);
+  CHECK(after.rate == before.rate / time);
 }
 
 TEST_CASE("tolerances of a step by its options", "[scales][serial]") {

@@ -205,15 +205,15 @@ std::vector<SummaryKey> observed_keys() {
       {"period", "time",
        "mean time between passages at nodes spread over the scene, where the motion repeats: all of them in "
        "the second half of the run, three or more, agree to a thousandth. With `out_probes`: mean time "
-       "between upward passages of psi through v there (downward where v < 0), "
-       "in the second "
-       "half of the run; of several probes the mean. A passage counts after psi was short of v by a "
-       "hundredth of |v| (1e-3 "
-       "for v = 0). Null where a probe has fewer than two. To the fourth digit of `period_error`"},
+       "between upward passages of psi through v there (downward where v < 0), in the second half of the "
+       "run; of several probes the mean. A passage counts after psi was short of v by a hundredth of |v| "
+       "(for v = 0 of a 32nd of f0/sqrt(k0 m), gamma in the continuum). Null where a probe has fewer than "
+       "two. To the fourth digit of `period_error`"},
       {"period_error", "time",
        "error of `period`, about: how far passages lie beside equal distances, and where steps are chosen by "
-       "their error `ts_rtol` of it for each step in a period; null with `accuracy_of` period, whose error "
-       "is `error_estimate`"},
+       "their error `ts_rtol` of it for each step in a period (with `accuracy` of the fields the time in "
+       "which the plate makes up for such an error of the force); null with `accuracy_of` period, whose "
+       "error is `error_estimate`"},
       {"measured_over", "time",
        "from when to when amplitude, speed and pulses were measured: the last quarter"},
       {"maxima", "length/time",
@@ -233,7 +233,7 @@ std::vector<SummaryKey> observed_keys() {
        "the jump has met the other end), and the error is that of psi outside `from` to `to` "
        "([accuracy.md](accuracy.md#beside-a-jump))"},
       {"events", "1", "slip events that ended, with `out_events` ([events.md](events.md))"},
-      {"largest_moment", "length", "of them: the largest moment"},
+      {"largest_moment", "length^2", "of them: the largest moment"},
       {"largest_extent", "1", "the most nodes that moved in one"},
       {"b", "1",
        "slope of their magnitudes, density ~ exp(-b magnitude), fitted on [M + 2, M + 5], M the most "

@@ -19,6 +19,8 @@
 #include "output/travel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/model/scales.hpp"
+#include "stickslip/model/springs.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/study/run_layout.hpp"
@@ -264,6 +266,17 @@ void Run::follow_limit(Vec u) {
   SS_TRY(TSAdaptSetStepLimits(adapt, least, limit_holds(u) ? longest_step_ : longest_anywhere_));
 }
 
+// By which an error of the force as large as `accuracy` allows delays a passage: it takes the plate that long
+// to make up for it. 0: without that option, or where it is of something else.
+double Run::delay_of_passages() const {
+  if (!options_.is_set("accuracy") || options_.text("accuracy_of") != "fields") return 0;
+  const Scene& scene = problem_.model.scene();
+  const SceneScales scales = scales_of(scene);
+  const double loading =
+      springless(scene) ? scales.least.eta * scales.rate : scene.averaged().K0() * scales.velocity;
+  return options_.real("accuracy") / loading;
+}
+
 void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
   if (options_.is_set("ts_max_plate")) plate_.end = options_.real("ts_max_plate");
@@ -273,8 +286,10 @@ void Run::make_integrator(const std::optional<Checkpoint>& checkpoint) {
   limit_steps();
   if (integrator_->adaptive()) {
     const Tolerances& of_psi = integrator_->tolerances();
-    regime_->errors_up_to(of_psi.relative[0]);
-    if (period_) period_->errors_up_to(of_psi.relative[0]);
+    const double delay = delay_of_passages();
+    const double v = std::abs(problem_.model.scene().v);
+    regime_->errors_up_to(of_psi.relative[0], of_psi.absolute[0] + of_psi.relative[0] * v, delay);
+    if (period_) period_->errors_up_to({of_psi.relative[0], delay});
     if (maxima_) maxima_->errors_up_to(of_psi.absolute[0], of_psi.relative[0]);
     if (exponents_) exponents_->errors_up_to(of_psi.absolute[0]);
   }

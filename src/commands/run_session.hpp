@@ -86,6 +86,7 @@ class Run {
   void limit_steps();
   bool limit_holds(Vec u) const;
   void follow_limit(Vec u);
+  double delay_of_passages() const;
   ObservationPlan plan();
   void open_file();
   bool plate_ends_at(double t) const { return halts(scene_) && plate_.at(t) >= plate_.end; }

@@ -45,7 +45,7 @@ CellField::CellField(const Scene& scene, int periods)
       sliding_(!scene.friction.sticks() ? 0
                : scene.v < 0            ? -1
                                         : 1) {
-  scales_ = slip_scales(scene);
+  scales_ = scales_of(scene).slip;
   std::vector<PetscInt> all;
   for (PetscInt i = 0; i < scene.n; ++i)
     if (!scene.held(i)) all.push_back(i);

@@ -23,7 +23,7 @@
 #include "model/turned_row.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
 namespace stickslip {
@@ -95,7 +95,7 @@ class CellField : public VectorField {
   void massless_rates(const Loads& loads, const double* y, double* f) const;
   void massless_jacobian(const double* y, double* J) const;
 
-  SlipScales scales_;
+  Scales scales_;
   Scene scene_;
   Frictions friction_;  // of every node of the scene
   kernel::Coefficients coefficients_;

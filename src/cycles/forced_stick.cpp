@@ -9,6 +9,7 @@
 #include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/scales.hpp"
 
 namespace stickslip {
 
@@ -22,7 +23,7 @@ class ForcedSearch {
       : m_(m), period_(m.scene().forcing_period()), escape_(escape_velocity(m.scene())),
         seen_(std::size_t(m.dof())) {
     const Scene& s = m.scene();
-    const double turn = 2 * M_PI / own_frequency(s);
+    const double turn = 2 * M_PI / scales_of(s).rate;
     most_ = patience * std::max(1., turn / period_);
   }
 

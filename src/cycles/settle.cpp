@@ -19,6 +19,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -118,7 +119,7 @@ class Motion {
     double rate = 0;
     for (size_t k = 0; k < f.size(); ++k)
       rate = std::max(rate, std::abs(f[k]) / (field.unit(int(k)) + std::abs(y_[k])));
-    SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3 * own_frequency(field.scene()))));
+    SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3 * scales_of(field.scene()).rate)));
     SS_TRY(TSSetSolution(ts_, u_));
   }
   Sample now() {
@@ -181,7 +182,7 @@ class Settling {
   SmoothCycle cycle(int turns);
 
  private:
-  double turn() const { return 2 * M_PI / own_frequency(cell_); }
+  double turn() const { return 2 * M_PI / scales_of(cell_).rate; }
   void choose_section();
   double above(double psi) const { return cell_.v < 0 ? level_ - psi : psi - level_; }
   bool forced() const { return field_.periods() > 0; }

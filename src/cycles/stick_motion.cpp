@@ -53,7 +53,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(row_over_mean(scene, i));
-  const SlipScales scales = slip_scales(scene);
+  const Scales scales = scales_of(scene).slip;
   for (std::size_t k = 0; k < size(); ++k) scales_.push_back(scales.of(int(k) % dof_));
   longest_ = longest_step / fastest(scene);
   if (forced()) scales_.back() = longest_;  // of the load's time

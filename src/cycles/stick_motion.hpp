@@ -30,7 +30,7 @@
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/extrapolation.hpp"
 

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/scales.hpp"
 
 namespace stickslip {
 
@@ -19,12 +20,13 @@ double escape_velocity(const Scene& scene) {
   if (!(gain > 0)) return never;
   const std::shared_ptr<const Friction> law = Friction::of(s.friction);
   const bool state = s.friction.has_state();
+  const double velocity = s.v != 0 ? s.v : scales_of(s).velocity;
   // An oscillation of size w gains gain w^2/2 a turn and loses (2/pi) A |F| w at most; the state rests
   // between.
   const auto holds = [&](double w) {
     double most = 0;
     for (const double psi : {w, -w}) {
-      const double rested = state ? law->steady_state(s.v == 0 ? 1 : s.v) : 0;
+      const double rested = state ? law->steady_state(velocity) : 0;
       for (const double at : {rested, state ? law->steady_state(psi) : 0})
         most = std::max(most, std::abs(law->partials(psi, at).F));
     }

@@ -8,6 +8,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -15,7 +16,8 @@ namespace stickslip {
 MasslessChain::MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law,
                              const std::vector<double>& amplitude, PetscInt first)
     : comm_(comm), scene_(scene), law_(law), amplitude_(amplitude), first_(first),
-      local_(PetscInt(amplitude.size())), dof_(scene.friction.has_state() ? 3 : 2) {
+      local_(PetscInt(amplitude.size())), dof_(scene.friction.has_state() ? 3 : 2),
+      velocity_(scales_of(scene).velocity) {
   check();
 }
 
@@ -91,13 +93,12 @@ std::string MasslessChain::velocity_jump(Vec u) const {
 // time.
 std::string MasslessChain::runaway(Vec u) const {
   if (scene_.B() > 0) return "";
-  constexpr double far = 1e6;  // of the plate's velocity
+  constexpr double far = 1e6;
   const Reading a(u);
   double fastest = 0;
   for (PetscInt i = 0; i < local_; ++i) fastest = std::max(fastest, std::abs(a[i * dof_]));
   fastest = largest_over(comm_, fastest);
-  const double v = scene_.v != 0 ? std::abs(scene_.v) : 1;
-  if (!(fastest > far * v)) return "";
+  if (!(fastest > far * velocity_)) return "";
   return fmt::format(
       "a block runs away, at psi = {:.3g} by now: without mass or viscosity nothing holds it back; take "
       "model_zeta > 0, or model_m > 0",

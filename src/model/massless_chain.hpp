@@ -43,6 +43,7 @@ class MasslessChain {
   const std::vector<double>& amplitude_;
   PetscInt first_, local_;
   int dof_;
+  double velocity_;  // of the scene's scales
   mutable double lost_at_ = -1, lost_from_ = 0;  // x of a node without psi, and the psi that it came from
   mutable bool lost_is_overflow_ = false;        // it has one, beyond all numbers
 };

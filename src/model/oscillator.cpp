@@ -27,7 +27,7 @@ Oscillator::Oscillator(const Scene& scene)
                      " jumps at rest, which an oscillation passes: set friction_stick to regularised");
   friction_ = Friction::of(p);
   escape_ = escape_velocity(scene);
-  scales_ = slip_scales(scene);
+  scales_ = scales_of(scene).slip;
   if (scene.has_profile())
     throw UsageError(
         "friction_amplitude_profile: what is asked for here needs friction that is the same everywhere");

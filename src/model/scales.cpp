@@ -5,7 +5,9 @@
 #include <limits>
 
 #include "model/scales_family.hpp"
+#include "stickslip/model/frictions.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 
@@ -36,25 +38,47 @@ double velocity_given(const Scene& s) {
   return plate > 0 ? plate : ends;
 }
 
+double power_of_two(double x) { return std::exp2(std::round(std::log2(x))); }
+
+// Without mass: the rate of a node's own springs K, or of its state, and what resists its sliding.
+void set_massless(const Scene& s, double K, SceneScales& scales) {
+  const Frictions frictions(s, 0, 1);
+  const Friction& law = frictions[0];
+  const double state = law.steady_state(s.v), b = s.B() + law.partials(s.v, state).F_psi;
+  const bool known = b > 0 && std::isfinite(b);
+  scales.resistance = known ? b : s.B() > 0 ? s.B() : scales.least.eta / scales.velocity;
+  const double of_state =
+      law.has_state && std::isfinite(state) ? std::abs(law.rate_partials(s.v, state).g_state) : 0;
+  scales.rate = K > 0 ? K / scales.resistance : of_state > 0 ? of_state : 1;  // 1: nothing ever moves
+}
+
 }  // namespace
 
-Scales scales_of(const Scene& scene) {
-  const Scene s = scene.medium.varies() ? scene.averaged() : scene;
+SceneScales scales_of(const Scene& scene) {
+  const Scene s = scene.averaged();
   const LawScales law = law_scales(s);
-  Scales scales;
-  scales.eta = law.force * largest_amplitude(s) * (s.normal.varies() ? s.normal.largest() : 1);
-  scales.state = law.state;
-  scales.state_is_logarithm = s.friction.has_state() && state_is_logarithmic(s.friction.state);
+  const double K = springless(s) ? s.K1() : s.K0(), B = s.B();
+  const double of_force = s.massless() ? (B > 0 ? 1 / B : 0) : K > 0 ? std::sqrt(s.A() / K) : 0;
+  const double of_length = s.massless() ? (B > 0 ? K / B : 0) : std::sqrt(s.A() * K);
+  SceneScales scales;
+  Scales &least = scales.least, &slips = scales.slip;
+  least.eta = law.force * largest_amplitude(s) * (s.normal.varies() ? s.normal.largest() : 1);
+  least.state = law.state;
+  least.state_is_logarithm = s.friction.has_state() && state_is_logarithmic(s.friction.state);
   // Stick-slip is several times as fast as the plate that drives it.
   constexpr double slip = 5;
-  const double spring = s.K0() > 0 ? s.K0() : s.K1();
-  const double of_force = s.massless() ? 1 / s.B() : spring > 0 ? std::sqrt(s.A() / spring) : 0;
-  const double of_length = s.massless() ? spring / s.B() : std::sqrt(s.A() * spring);
-  double least = std::numeric_limits<double>::infinity();
+  double psi = std::numeric_limits<double>::infinity();
   for (const double velocity :
-       {slip * velocity_given(s), law.velocity, of_force * scales.eta, of_length * law.length})
-    if (velocity > 0) least = std::min(least, velocity);
-  if (std::isfinite(least)) scales.psi = least;
+       {slip * velocity_given(s), law.velocity, of_force * least.eta, of_length * law.length})
+    if (velocity > 0) psi = std::min(psi, velocity);
+  if (std::isfinite(psi)) least.psi = psi;
+  const double fast = std::abs(s.v) + of_force;
+  slips.psi = power_of_two(fast > 0 ? fast : least.psi);
+  if (s.friction.has_state() && s.friction.state->unit == "length" && of_length > 0)
+    slips.state = power_of_two(slips.psi / of_length);
+  scales.velocity = s.v != 0 ? std::abs(s.v) : slips.psi / 32;
+  scales.rate = K > 0 ? of_length : s.A() * least.eta / least.psi;
+  if (s.massless()) set_massless(s, K, scales);
   return scales;
 }
 

@@ -5,7 +5,6 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/reach.hpp"
 #include "stickslip/model/scales.hpp"
@@ -15,14 +14,6 @@
 namespace stickslip {
 
 namespace {
-
-// B + F_psi of sliding at psi = v, of the first node; B, or 1, where that is not a positive number.
-double sliding_resistance(const Scene& s) {
-  const Frictions frictions(s, 0, 1);
-  const Friction& law = frictions[0];
-  const double b = s.B() + law.partials(s.v, law.steady_state(s.v)).F_psi;
-  return b > 0 && std::isfinite(b) ? b : s.B() > 0 ? s.B() : 1;
-}
 
 // What Gershgorin's theorem says of the rows of A (K0 - K1 D2).
 double wave_frequency_of_medium(const Scene& s) {
@@ -43,21 +34,7 @@ double wave_frequency(const Scene& s) {
   if (s.medium.varies()) return wave_frequency_of_medium(s);
   const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   const double K = (springless(s) ? 0 : s.K0()) + s.K1() * kappa2;
-  return s.massless() ? K / sliding_resistance(s) : std::sqrt(s.A() * K);
-}
-
-double own_frequency(const Scene& s) {
-  if (s.medium.varies()) return own_frequency(s.averaged());
-  if (springless(s)) return 0;
-  return s.massless() ? s.K0() / sliding_resistance(s) : std::sqrt(s.A() * s.K0());
-}
-
-double unit_rate(const Scene& scene) {
-  const Scene s = scene.medium.varies() ? scene.averaged() : scene;
-  const double K = (springless(s) ? 0 : s.K0()) + (s.form == Form::chain ? s.K1() : 0);
-  if (s.massless()) return K > 0 ? K / sliding_resistance(s) : 1;  // at rest in every sense
-  const Scales scales = scales_of(s);
-  return K > 0 ? std::sqrt(s.A() * K) : s.A() * scales.eta / scales.psi;
+  return s.massless() ? K / scales_of(s).resistance : std::sqrt(s.A() * K);
 }
 
 double viscous_rate(const Scene& s) {

@@ -13,6 +13,7 @@
 #include "output/field_loops.hpp"
 #include "output/forward.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 
 namespace stickslip {
 
@@ -122,7 +123,7 @@ void FieldWatch::look(double t, const double* u, const Extremes& own) {
   const Scene& s = model_.scene();
   double extremes[2] = {-own.low, own.high};
   largest_over(model_.comm(), extremes, 2);
-  const double width = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
+  const double width = extremes[1] + extremes[0], scale = scales_of(s).velocity;
   const Fronts fronts = fronts_of(range(u), s.v, 0.05 * width);
   const double steepest = largest_over(model_.comm(), std::max(step_to_next_rank(u), fronts.steepest));
   // what lies nearer to sliding than stick-slip does (regime.hpp) has no front, be it as rough as noise

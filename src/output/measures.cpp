@@ -12,6 +12,7 @@
 #include "base/json_values.hpp"
 #include "base/local_values.hpp"
 #include "output/forward.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -51,7 +52,7 @@ Period::Period(const Model& model, const Scene& whole, const std::vector<double>
     : model_(model), probes_(model, whole, x), attention_(probes_.nodes(), model.scene().n),
       work_(model.create_vector()),
       name_(seen_from(whole, "period")), forward_(forward(whole)), level_(whole.v),
-      depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact),
+      depth_(0.01 * scales_of(whole).velocity), begin_(t_end / 2), exact_(exact),
       places_(x.size()), rates_(model) {
   for (std::size_t p = 0; p < places_.size() && !exact; ++p)
     probes_.for_parts(p, [&](std::size_t index, double weight) {
@@ -176,7 +177,8 @@ void Period::summarise(Summary& summary, Vec u) {
   const double mean = std::accumulate(periods.begin(), periods.end(), 0.) / double(periods.size());
   double error = 0;
   for (const Place& place : places_) error = std::max(error, place.passages.error());
-  set_period(summary, mean, error, relative_, steps_ / (places_[0].passages.passages() - 1));
+  const double count = places_[0].passages.passages() - 1;
+  set_period(summary, mean, error + errors_.of(mean, steps_ / count, count));
   if (!exact_) return;
   summary.set("period", mean);
   summary.set("period_error", Json());  // error_estimate has it

@@ -5,8 +5,8 @@
 //
 //   period      mean time between upward passages of psi through v (in the plate's direction, forward.hpp:
 //               downward ones where v < 0) at a place, in the second half of the run. A passage counts after
-//               psi was below v by a hundredth of |v| (1e-3 for v = 0), so that round-off about steady
-//               sliding has no period. Of several places: the mean of their periods.
+//               psi was below v by a hundredth of its scale (scales.hpp, velocity), so that round-off about
+//               steady sliding has no period. Of several places: the mean of their periods.
 //   amplitude   half of the largest range of psi at any x in the last quarter of the run: extrema in time
 //               from nine values of every step, their largest over x by the scheme's polynomial about the
 //               largest node (a chain's largest block).
@@ -39,7 +39,7 @@ class Period final : public Measure {
   void step(const ObservedStep& step) override;
   void moved(const MovedNodes& nodes, const MediumNow& now) override;
   void changed(double t, const MediumNow& now) override;
-  void errors_up_to(double relative) { relative_ = relative; }  // of steps whose error is controlled
+  void errors_up_to(const PeriodErrors& errors) { errors_ = errors; }  // of steps whose error is controlled
   void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;  // `period`, `period_error`
   std::vector<double> values() const override;       // one at each place
@@ -70,7 +70,8 @@ class Period final : public Measure {
   Attention attention_;
   VecHandle work_;
   std::string name_;  // of the passages in a checkpoint
-  double forward_, level_, depth_, begin_, relative_ = 0, steps_ = 0;
+  double forward_, level_, depth_, begin_, steps_ = 0;
+  PeriodErrors errors_;
   bool exact_, by_clusters_ = false;
   std::vector<Place> places_;
   NodeRates rates_;

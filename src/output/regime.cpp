@@ -15,6 +15,7 @@
 #include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/springs.hpp"
 
 namespace stickslip {
@@ -88,7 +89,8 @@ struct Regime::Impl {
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
   bool jumps_at_rest, by_clusters = false;
-  double relative = 0;  // error that steps may make
+  PeriodErrors errors;  // of steps
+  double error_of_psi = 0;
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
@@ -144,9 +146,19 @@ struct Regime::Impl {
     }
   }
 
+  // Every step may err, and what it did is forgotten at the rate at which oscillations about v grow or die.
+  double error_of(double amplitude, double rate, const MotionRecord& r) const {
+    const SceneScales scales = scales_of(model.scene());
+    const double time = r.t - r.begin, known = std::min(time, 1 / std::abs(rate));
+    if (by_clusters || amplitude < 0.01 * scales.velocity || amplitude > scales.velocity) return 0;
+    return r.steps * known / time * error_of_psi / amplitude;
+  }
+
   SceneContext surroundings(Vec u, double t) const {
     const Scene& s = model.scene();
     SceneContext a;
+    const SceneScales scales = scales_of(s);
+    a.scale = scales.velocity;
     a.v = std::abs(s.v);  // in the plate's direction, as the record is
     a.growth = certain_growth(t);
     a.stable = growth < 0;
@@ -163,7 +175,7 @@ struct Regime::Impl {
     a.distance_now = largest[0];
     a.speed_now = largest[1];
     a.loading = std::isfinite(largest[3]) ? -largest[3] : 0;
-    a.cycle = mean_K0(s) > 0 && !s.massless() ? 2 * M_PI / own_frequency(s) : 1;
+    a.cycle = 2 * M_PI / scales.rate;
     if (pull > 0) a.cycle = std::max(a.cycle, 2 * largest[2] / pull);
     return a;
   }
@@ -181,7 +193,10 @@ void Regime::know(double growth, double growth_taken, const std::string& why_not
   impl_->growth_taken = growth_taken;
 }
 
-void Regime::errors_up_to(double relative) { impl_->relative = relative; }
+void Regime::errors_up_to(double step, double psi, double passage) {
+  impl_->errors = {step, passage};
+  impl_->error_of_psi = psi;
+}
 
 void Regime::step(const ObservedStep& step) {
   const LogEvent::Scope logged(measuring());
@@ -223,18 +238,23 @@ const Measured& Regime::result(Vec u) {
     m.time_to_decide = j.time_to_decide;
   }
   m.period = j.period;
-  m.period_error = j.period_error;
-  m.period_steps = m.period ? record.steps * *m.period / (record.t - record.begin) : 0;
+  if (m.period) {
+    const double periods = (record.t - record.begin) / *m.period;
+    // passages are those of the second half
+    m.period_error = j.period_error + impl_->errors.of(*m.period, record.steps / periods, periods / 2);
+  }
   const bool forwards = forward(impl_->model.scene()) > 0;
   m.low = forwards ? j.low : -j.high;
   m.high = forwards ? j.high : -j.low;
+  if (std::isfinite(impl_->growth_resolved)) m.growth = impl_->growth_resolved;
   m.amplitude = field.amplitude;
   if (m.amplitude && record.windows >= 4) m.amplitude = std::max(*m.amplitude, amplitude_of(record));
   m.wave_speed = field.wave_speed;
+  if (m.amplitude && m.growth && !loaded)
+    m.amplitude_error = impl_->error_of(*m.amplitude, *m.growth, record);
   m.pulses = field.pulses;
   if (m.pulses) *m.pulses *= static_cast<int>(impl_->model.scene().copies);
   m.steepest = field.steepest;
-  if (std::isfinite(impl_->growth_resolved)) m.growth = impl_->growth_resolved;
   double highest = 0;
   for (std::size_t k = 0; k < record.windows * record.places; ++k)
     highest = std::max({highest, std::abs(record.high[k]), std::abs(record.low[k])});
@@ -262,7 +282,7 @@ void Regime::summarise(Summary& summary, Vec u) {
   summary.set("time_to_decide", m.time_to_decide);
   summary.set("amplitude", m.amplitude);
   if (m.period && !scene.forced())
-    set_period(summary, *m.period, m.period_error, impl_->relative, m.period_steps);
+    set_period(summary, *m.period, m.period_error);
   if (m.high >= m.low) {
     summary.set("psi_low", m.low);
     summary.set("psi_high", m.high);
@@ -278,6 +298,13 @@ void Regime::summarise(Summary& summary, Vec u) {
         "the continuum's short waves do)");
   const double t_end = impl_->field.end();
   summary.set("measured_over", std::vector<double>{0.75 * t_end, t_end});
+  constexpr double too_much = 0.1;
+  if (m.amplitude_error > too_much)
+    warn("psi moves about v by " + rounded_text(*m.amplitude, 2) +
+         " alone, and errors that steps may make add up to some " +
+         rounded_text(100 * m.amplitude_error, 1) +
+         " % of that over the time in which such a motion changes: its size and rate are known better at " +
+         "stricter tolerances (ts_rtol and ts_atol auto:NUMBER)");
   if (m.never_moved)
     warn("nothing has slipped yet: loading takes until about t = " + rounded_text(m.loaded_until) +
          ", the regime is undecided before some slips (ts_max_time " + rounded_text(*m.time_to_decide) +

@@ -62,7 +62,7 @@ T middle_of(std::vector<T> values) {
 class RegimeClassifier {
  public:
   RegimeClassifier(const MotionRecord& record, const SceneContext& around)
-      : r_(record), a_(around), scale_(around.v != 0 ? std::abs(around.v) : 0.1) {
+      : r_(record), a_(around), scale_(around.scale) {
     // a window that has only begun says little
     end_ = r_.windows;
     find_passages();

@@ -8,9 +8,9 @@
 
 namespace stickslip {
 
-void set_period(Summary& summary, double period, double error, double relative, double steps) {
+void set_period(Summary& summary, double period, double error) {
   constexpr double round_off = 1e-15;
-  const double all = std::max(error + relative * steps * std::abs(period), round_off * std::abs(period));
+  const double all = std::max(error, round_off * std::abs(period));
   const double digits = std::floor(std::log10(std::abs(period))) - std::floor(std::log10(all)) + 4;
   const auto rounded = [](double value, double to) {
     return std::stod(rounded_text(value, int(std::clamp(to, 1., 17.))));

@@ -2,6 +2,7 @@
 // known.
 #pragma once
 
+#include <cmath>
 #include <optional>
 
 #include "numerics/straight_line.hpp"
@@ -42,11 +43,19 @@ class Repeats {
   StraightLine off_line_;
 };
 
-// Puts a period into the summary with the digits that its error leaves, and the error, as `period_error`,
-// with two: that of the passages, and what the steps of a period add to it. Each may err by the part
-// `relative` (0: not known) of what it computes; an error of the force is not forgotten while a node rests or
-// slides steadily, and delays its next slip by about as large a part of the period. That is a bound, often a
-// hundred times what the period is off, which therefore goes on to the error's fourth digit.
-void set_period(Summary& summary, double period, double error, double relative, double steps);
+// What steps add to the error of a period: a bound, often a hundred times what the period is off. An error of
+// the force is not forgotten while a node rests or slides steadily, and delays its next slip. It is known as
+// a whole where the run's error is (`passage`, the delay of a passage by it, 0: not known), else each step of
+// the period may err by the part `step` (0: not known) of what it computes.
+struct PeriodErrors {
+  double step = 0, passage = 0;
+  double of(double period, double steps, double periods) const {
+    return passage > 0 ? 2 * passage / periods : step * steps * std::abs(period);
+  }
+};
+
+// Puts a period into the summary with the digits that its error leaves, to the error's fourth, and the error,
+// as `period_error`, with two.
+void set_period(Summary& summary, double period, double error);
 
 }  // namespace stickslip

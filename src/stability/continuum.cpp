@@ -21,13 +21,13 @@ double last_that_may_lead(const LinearPoint& medium) {
 
 }  // namespace
 
-double unit_frequency(const LinearisedOperator& s) { return s.rate_of(s.K0 > 0 ? s.K0 : s.K1) + 1e-300; }
 double spring_frequency(const LinearisedOperator& s) {
-  return s.rate_of(s.scene.form == Form::chain ? s.K0 + s.K1 : s.K0) + 1e-300;
+  const double K = s.scene.form == Form::chain ? s.K0 + s.K1 : s.K0;
+  return K > 0 ? s.rate_of(K) : s.rate;
 }
 double own_rate(const LinearisedOperator& s) {
-  const double w = spring_frequency(s), damping = damping_scale(s);
-  return s.K0 + s.K1 > 0 ? w / (1 + damping / w) : damping + w;
+  const double w = spring_frequency(s);
+  return w / (1 + damping_scale(s) / w);
 }
 double damping_scale(const LinearisedOperator& s) {
   return s.scene.massless() ? 0 : std::abs(s.mean().damping());

@@ -27,7 +27,7 @@ bool follow_one(const LinearisedOperator& s, FollowedMode& f) {
   for (int k = 0; k < 5; ++k) {
     const auto start = stationary_value(s, f.mode, f.left);
     if (!start) return false;
-    const double scale = std::abs(*start) + unit_frequency(s);
+    const double scale = std::abs(*start) + s.rate;
     f.mode.value = *start;
     s.factor(*start, lu);
     f.mode.psi = s.apply_slope(*start, f.mode.psi);
@@ -94,7 +94,7 @@ void FollowedModes::keep_rightmost(const LinearisedOperator& s, std::vector<Foll
   std::sort(all.begin(), all.end(), [](const FollowedMode& a, const FollowedMode& b) {
     return a.mode.value.real() > b.mode.value.real();
   });
-  const double alike = 1e-4 * unit_frequency(s);
+  const double alike = 1e-4 * s.rate;
   modes_.clear();
   leader_ = 0;
   for (FollowedMode& f : all) {
@@ -165,7 +165,7 @@ std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
   bool degenerate = false;
   for (const Guess& g : guesses) {
     FollowedMode& f = modes_[g.index];
-    const double scale = std::abs(f.mode.value) + unit_frequency(s);
+    const double scale = std::abs(f.mode.value) + s.rate;
     // the estimate is better than this by far, unless the mode has moved a long way
     if (best && g.shift < 0.05 * scale && g.value + 0.5 * g.shift + level < best->mode.value.real()) continue;
     if (!follow_one(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode)) {
@@ -219,7 +219,7 @@ std::optional<long> FollowedModes::count_firmly(const LinearisedOperator& s, dou
                                                 std::vector<Complex>& where) const {
   for (const double aside : {0., 1e-7, 1e-6, 1e-5}) {
     where.clear();
-    if (const auto n = count(s, a + aside * unit_frequency(s), &where)) return n;
+    if (const auto n = count(s, a + aside * s.rate, &where)) return n;
   }
   return std::nullopt;
 }
@@ -253,7 +253,7 @@ double FollowedModes::frequency_by_halving(const LinearisedOperator& s, double l
 // the line.
 bool FollowedModes::add_missing(const LinearisedOperator& s, long first_count, std::vector<Complex> where,
                                 double line, std::vector<FollowedMode>& all) const {
-  const double unit = unit_frequency(s);
+  const double unit = s.rate;
   std::optional<long> count = first_count;
   // few, or all of them listed: else the rightmost may not be among them
   const auto listed = [&] { return *count > 0 && (*count <= 4 || 2 * long(where.size()) >= *count - 2); };

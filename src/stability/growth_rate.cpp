@@ -7,6 +7,7 @@
 
 #include "stability/followed_modes.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
@@ -229,7 +230,7 @@ Criticality GrowthRate::criticality(const Crossing& c) {
 
 bool GrowthRate::vanishes(const Crossing& c) const {
   const double frequency = std::isfinite(c.frequency) ? c.frequency : 0;
-  return std::abs(c.growth) <= 1e-6 * (unit_frequency(LinearisedOperator(scene(c.x, c.y))) + frequency);
+  return std::abs(c.growth) <= 1e-6 * (scales_of(scene(c.x, c.y)).rate + frequency);
 }
 
 bool GrowthRate::near_shortest(const Crossing& c) const {
@@ -320,7 +321,7 @@ bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
       needed = true;
       if (a->scene.form == Form::chain) continue;
       const Complex fine = mean_growth(*a), rough = mean_growth(*b);
-      if (std::abs(fine.real() - rough.real()) > 0.01 * (std::abs(rough) + unit_frequency(*a))) return false;
+      if (std::abs(fine.real() - rough.real()) > 0.01 * (std::abs(rough) + a->rate)) return false;
     }
   return needed;
 }

@@ -7,6 +7,7 @@
 #include "base/pulse.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
@@ -28,8 +29,8 @@ void LinearisedOperator::put(const NodeVector& v, std::size_t i, std::vector<Com
 }
 
 LinearisedOperator::LinearisedOperator(const SteadySliding& s)
-    : scene(s.scene), A(0), K0(0), K1(scene.mean_K1()), N(scene.N()), coupling(scene),
-      medium_(scene.averaged()), mean_(medium_) {
+    : scene(s.scene), A(0), K0(0), K1(scene.mean_K1()), N(scene.N()),
+      rate(scales_of(scene).rate), coupling(scene), medium_(scene.averaged()), mean_(medium_) {
   slopes_.reserve(coupling.size());
   for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[i]);
   if (scene.medium.nodes_differ())
@@ -69,7 +70,7 @@ void LinearisedOperator::refuse_rates_too_large() const {
 }
 
 LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)
-    : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N),
+    : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N), rate(whole.rate),
       coupling(whole.coupling.segment(first, count)), uniform(false), medium_(whole.medium_),
       mean_(whole.medium_), slopes_(whole.slopes_.begin() + first, whole.slopes_.begin() + first + count) {
   if (!whole.nodes_.empty())

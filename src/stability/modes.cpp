@@ -55,7 +55,7 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
   const std::vector<Complex>& p = mode.psi;
   const std::size_t n = p.size();
   Complex lambda = mode.value;
-  const double scale = std::abs(lambda) + unit_frequency(s);
+  const double scale = std::abs(lambda) + s.rate;
   // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r) - N D2) p) + K
   const std::vector<Complex> d = s.coupling.minus_d2(p);
   std::vector<Complex> wp(n);

@@ -12,6 +12,7 @@
 #include "base/local_values.hpp"
 #include "model/jump_matrix.hpp"
 #include "stability/tangent_parts.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/collocation.hpp"
 
 namespace stickslip {
@@ -63,7 +64,8 @@ double dot(Vec a, Vec b) {
 
 Tangents::Tangents(const Model& model, int count)
     : model_(model), dof_(model.dof()), rank_deficient_(count, false), growth_(count, 0.),
-      u_(model.create_vector()), was_(model.create_vector()), parts_(std::make_unique<TangentParts>(model)) {
+      u_(model.create_vector()), was_(model.create_vector()), parts_(std::make_unique<TangentParts>(model)),
+      stiff_part_(1e-3 / scales_of(model.scene()).rate) {
   for (int k = 0; k < count; ++k) {
     y_.push_back(model.create_vector());
     draw(k);

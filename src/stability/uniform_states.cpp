@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
@@ -34,20 +35,21 @@ bool has_uniform_states(const Scene& s) {
 }
 
 std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
-  constexpr double lowest = -300, highest = 8, step = 1 / 16.;  // of log10 |psi|
+  constexpr double lowest = -290, highest = 8, step = 1 / 16.;  // of log10 |psi/unit|
+  const double unit = scales_of(scene).slip.psi;
   const auto friction = Friction::of(scene.friction);
   const auto excess = [&](double psi) {
     return scene.B() * psi + friction->force(psi, friction->steady_state(psi)) - stress;
   };
   std::vector<double> found;
   for (const double sign : {-1., 1.}) {
-    const auto at = [&](double exponent) { return excess(sign * std::pow(10., exponent)); };
+    const auto at = [&](double exponent) { return excess(sign * unit * std::pow(10., exponent)); };
     double before = lowest, f_before = at(before);
     for (double e = lowest + step; e <= highest; e += step) {
       const double f = at(e);
       if (std::isfinite(f) && std::isfinite(f_before) && f != 0 &&
           (f_before == 0 || (f < 0) != (f_before < 0)))
-        found.push_back(sign * std::pow(10., find_root(at, {before, f_before, e, f}, 0)));
+        found.push_back(sign * unit * std::pow(10., find_root(at, {before, f_before, e, f}, 0)));
       before = e;
       f_before = f;
     }

@@ -9,6 +9,7 @@
 #include "base/found_until.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/time/methods.hpp"
@@ -209,7 +210,7 @@ std::vector<Setting> chart_settings(const Options& options) {
     grids.push_back(scene.n);
   }
 
-  const double own = own_frequency(scene), rate = own > 0 ? own : unit_rate(scene);
+  const double rate = scales_of(scene).rate;
   std::vector<Setting> settings;
   for (const MethodSpec& method : list)
     for (const int order : orders)

@@ -11,7 +11,7 @@
 #include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -21,9 +21,9 @@ namespace stickslip {
 namespace {
 
 constexpr double beside = 1e-4;      // of the box: where it is asked what lives on either side of an end
-constexpr double near_graze = 1e-3;  // distance over slip_scales().psi of a place near a graze
+constexpr double near_graze = 1e-3;  // distance over the scale of a slip of a place near a graze
 constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
-constexpr double grazes = 1e-6;      // distance from grazing, over slip_scales().psi, of an end by grazing
+constexpr double grazes = 1e-6;      // distance from grazing, over the scale of a slip, of an end by grazing
 constexpr double near_fold = 1e-6;   // of the box: from where a fold is placed by its multiplier
 constexpr double to_follow = 1e-8;   // error of a step while a line is followed, not of its points
 
@@ -71,7 +71,7 @@ Crossing GrazeEnd::crossing(double x, double y, double nx, double ny) {
   // place has a small one.
   const Scene here = scene(x, y);
   c.residual = std::abs(least);
-  if (!here.friction.has_state() || std::abs(least) < grazes * slip_scales(here).psi) return c;
+  if (!here.friction.has_state() || std::abs(least) < grazes * scales_of(here).slip.psi) return c;
   Crossing fold(c);
   fold.kind = "fold";
   place_fold(fold, nx, ny);
@@ -83,7 +83,7 @@ Crossing GrazeEnd::crossing(double x, double y, double nx, double ny) {
 PlanePoint GrazeEnd::last_digits(PlanePoint at, PlanePoint across) {
   const auto off = [&](double t) { return (*this)(at.x + t * across.x, at.y + t * across.y); };
   const double here = off(0);
-  if (!(std::abs(here) < near_graze * slip_scales(scene(at.x, at.y)).psi)) return at;
+  if (!(std::abs(here) < near_graze * scales_of(scene(at.x, at.y)).slip.psi)) return at;
   constexpr double step = 1e-9, reach = 1e-6, known = 1e-13;
   const double expected = -here * step / (off(step) - here);
   if (!(std::abs(expected) < reach)) return at;
@@ -266,7 +266,7 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
         };
         places.push_back({end_near(on.at), place.across, {}});
         const Crossing& c = places.back().end;
-        if (jump > 0 && c.kind != "fold" && c.residual > grazes * slip_scales(scene(c.x, c.y)).psi) {
+        if (jump > 0 && c.kind != "fold" && c.residual > grazes * scales_of(scene(c.x, c.y)).slip.psi) {
           double slope = std::nan("");  // it changes so fast that what is near a fold is not near enough
           places.back().end = end_near(put_on_curve(f, place.at, place.across, slope).at);
         }

@@ -5,7 +5,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/model/friction.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/output/probe.hpp"
 
 namespace stickslip {
@@ -86,7 +86,7 @@ std::optional<Jump> Jump::of(const Scene& scene, const Start& start) {
   if (scene.form != Form::continuum || scene.nu != 0) return std::nullopt;
   const Start::Misfit misfit = start.misfit(scene);
   const double ends = std::abs(scene.left_value) + std::abs(scene.right_value);
-  const double least = 1e-8 * (slip_scales(scene).psi + ends);
+  const double least = 1e-8 * (scales_of(scene).slip.psi + ends);
   const bool left = std::abs(misfit.left) > least, right = std::abs(misfit.right) > least;
   if (left == right) return std::nullopt;
   return Jump(scene, left, left ? misfit.left : misfit.right);

@@ -77,7 +77,7 @@ PetscInt mesh_divisor_of(const Options& options, const Scene& scene, const std::
 double parts_of_psi(const Options& options, const Scene& scene) {
   const std::string text = options.text("ts_atol");
   return text.rfind("auto", 0) == 0 ? MethodSpec::from(options).parts
-                                    : options.real("ts_atol") / scales_of(scene).psi;
+                                    : options.real("ts_atol") / scales_of(scene).least.psi;
 }
 
 MethodSpec explicit_method() { return MethodSpec::parse("accuracy", "rk:7vr"); }

@@ -103,8 +103,8 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   static const std::vector<VecHandle> no_slopes;
   double most = longest_step(setting);
   if (most == 0) most = t_end_;
-  const ErrorNorm norm{
-      Tolerances::automatic(scales_of(model.scene()), setting.tolerance, setting.tolerance), norm_set()};
+  const Scales scales = scales_of(model.scene()).least;
+  const ErrorNorm norm{Tolerances::automatic(scales, setting.tolerance, setting.tolerance), norm_set()};
   double t = 0, until = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
   for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
     if (t == until) {  // the start, or a corner of the load

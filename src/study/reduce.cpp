@@ -13,7 +13,6 @@
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/model/slip_scales.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 
@@ -77,7 +76,7 @@ bool repeats(const Model& model, Vec u, PetscInt cell, double part) {
                  count = std::max<PetscInt>(0, model.first() + model.local() - begin);
   const std::vector<double> before = fetch(u, (begin - cell) * dof, count * dof);
   bool same = true;
-  const Scales scales = scales_of(model.scene());
+  const Scales scales = scales_of(model.scene()).least;
   double allowed[3] = {};
   for (int d = 0; d < dof && part > 0; ++d) {
     double largest;
@@ -163,7 +162,7 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
     return unknown + "friction_law " + to_string(cell.friction.law) + " jumps at rest" + see;
   try {
     if (cell.n == 1) {
-      const double small = 1e-6 * slip_scales(scene).psi;
+      const double small = 1e-6 * scales_of(scene).slip.psi;
       const bool still = seen.amplitude && *seen.amplitude < small && std::abs(psi - scene.v) < small;
       const bool slides =
           still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));

@@ -12,7 +12,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/model/oscillator.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/waves/train.hpp"
@@ -28,7 +28,7 @@ namespace {
 void warn_of_misfit(const Model& model, double jump, double slope) {
   double misfit[2] = {jump, slope};
   largest_over(model.comm(), misfit, 2);
-  const double scale = slip_scales(model.scene()).psi + std::abs(model.scene().left_value) +
+  const double scale = scales_of(model.scene()).slip.psi + std::abs(model.scene().left_value) +
                        std::abs(model.scene().right_value);
   const std::string order = std::to_string(model.scene().order);
   if (misfit[0] > 1e-8 * scale && model.viscous()) {

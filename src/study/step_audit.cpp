@@ -62,10 +62,10 @@ std::array<double, 2> psi_change(const Model& model, Vec a, Vec b) {
   return largest;
 }
 
-// Is psi within a tenth of v (of 1 where v = 0) at half of the nodes, of which up to 4096 are asked?
+// Is psi within a tenth of its scale of v at half of the nodes, of which up to 4096 are asked?
 bool near_sliding(const Model& model, Vec u) {
   const Reading a(u);
-  const double v = model.scene().v, scale = v != 0 ? std::abs(v) : 1;
+  const double v = model.scene().v, scale = scales_of(model.scene()).velocity;
   const PetscInt n = model.local(), dof = model.dof(), stride = (model.scene().n + 4095) / 4096;
   double near = 0;  // those that are, less those that are not, by two
   for (PetscInt i = (stride - model.first() % stride) % stride; i < n; i += stride)
@@ -160,7 +160,7 @@ struct StepAudit::Impl {
       SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));
     }
     SS_TRY(VecCopy(before, exact));
-    const Scales scales = scales_of(model.scene());
+    const Scales scales = scales_of(model.scene()).least;
     accurate->set_tolerances(
         Tolerances::automatic(scales, Tolerances::usual, std::max(1e-3 * change / scales.psi, 1e-12)));
     SS_TRY(TSSetStepNumber(accurate->ts(), 0));

@@ -8,7 +8,7 @@
 #include "base/local_values.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/vary.hpp"
@@ -119,7 +119,7 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
     if (x < 0 || x > 1 || y < 0 || y > 1) break;
     auto at = growth.leading(x, y);
     if (!at) continue;
-    const double own = unit_rate(growth.scene(x, y));
+    const double own = scales_of(growth.scene(x, y)).rate;
     const double frequency = std::isfinite(at->mode.value.imag()) ? at->mode.value.imag() : own;
     if (std::abs(at->mode.value.real()) >= 0.01 * (frequency + 0.1 * own)) return Beside{x, y, *at};
   }
@@ -129,9 +129,10 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
 Verified check_beside(const GrowthRate& growth, const Options& options, const Beside& place) {
   const Mode& mode = place.leading.mode;
   const SteadySliding s(growth.scene(place.x, place.y));
-  const double own = unit_rate(s.scene), rate = std::abs(mode.value.real());
+  const SceneScales scales = scales_of(s.scene);
+  const double own = scales.rate, rate = std::abs(mode.value.real());
   const double duration = std::min(3000 / own, 9 / rate + 60 / own);
-  const double velocity = slip_scales(s.scene).psi;
+  const double velocity = scales.slip.psi;
   const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
   const double k = mode.wavenumber == 0 ? longest
                    : std::isfinite(mode.wavenumber)
@@ -199,9 +200,10 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
                           ? 0
                           : Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value /
                                 (one.K0() * std::abs(one.v));
-  const double own = unit_rate(one), rate = std::max(1e-3 * own, std::abs(v.growth));
+  const SceneScales scales = scales_of(one);
+  const double own = scales.rate, rate = std::max(1e-3 * own, std::abs(v.growth));
   const double duration = std::min(3000 / own, 9 / rate + 100 / c.frequency) + 8 * load;
-  const double small = 0.01 * slip_scales(one).psi;
+  const double small = 0.01 * scales.slip.psi;
   follow_both(
       v, there, one, s, duration, [&](const Model& model, Vec u) { start_beside(model, s, small, 0, u); },
       [&](const Model& model, Vec u) { start_on(cycle, model, s, u); });

@@ -4,6 +4,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/time/stick.hpp"
 #include "time/fused_ts.hpp"
 #include "time/leapfrog.hpp"
@@ -96,7 +97,7 @@ void fit_normal_load(Choice& choice, const std::string& name) {
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
   const double relaxation = model.wave_frequency(), slowest = s.K0() / (s.K0() + 4 * s.K1());
-  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400, unit_rate(s)};
+  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400, scales_of(s).rate};
 }
 
 // The entry of the tableau that the TS will have, of a type that is implicit.
@@ -178,8 +179,7 @@ constexpr double usual_tolerance = 1e-6;
 // explicit pair resolves times of order 0.1 in the scene's own unit of time, 1/sqrt(A K0), the period of a
 // free block; it is stable up to about 3 over the fastest frequency.
 double accurate_rate(const Model& model) {
-  const double own = own_frequency(model.scene());
-  return 40 * (own > 0 ? own : unit_rate(model.scene()));
+  return 40 * scales_of(model.scene()).rate;
 }
 
 // Steps of an implicit method of order 4 shrink with the root of that order of the tolerance, those that
@@ -232,7 +232,7 @@ Rates rates_of(const Model& model, Vec u) {
   // bound.
   const bool creeps = model.friction_law(0).steep;
   return {wave, friction, creeps || friction > 12 * std::max(wave, accurate_rate(model)),
-          has_stiff_wave(model, wave, friction, usual_tolerance), unit_rate(model.scene())};
+          has_stiff_wave(model, wave, friction, usual_tolerance), scales_of(model.scene()).rate};
 }
 
 Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec,

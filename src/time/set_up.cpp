@@ -79,7 +79,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
 
 // As given with the method, else as the options say.
 Tolerances Integrator::Impl::tolerances_of(const MethodSpec& spec) const {
-  const Scales scales = scales_of(model.scene());
+  const Scales scales = scales_of(model.scene()).least;
   if (spec.tolerance > 0) return Tolerances::automatic(scales, spec.tolerance, spec.tolerance);
   double absolute, relative;
   SS_TRY(TSGetTolerances(ts, &absolute, nullptr, &relative, nullptr));

@@ -61,7 +61,7 @@ void Integrator::Impl::narrow_errors() {
   }
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
-  const double usual = s.v != 0 ? std::abs(s.v) : 1;
+  const double usual = scales_of(s).velocity;
   const int dof = model.dof();
   {
     const Reading a(u);

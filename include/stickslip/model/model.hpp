@@ -131,16 +131,9 @@ class Model {
 };
 
 // Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)). A massless chain has no
-// waves: the rate (K0 + K1 kappa^2_max)/(B + F_psi) at which its shortest deviation from sliding at psi = v
-// dies away, where that is a finite number; else K0 + K1 kappa^2_max over B, or over 1.
+// waves: the rate (K0 + K1 kappa^2_max)/resistance (scales.hpp) at which its shortest deviation from sliding
+// at psi = v dies away.
 double wave_frequency(const Scene& scene);
-// That of a node without neighbours, sqrt(A K0); without mass K0/(B + F_psi), as above.
-double own_frequency(const Scene& scene);
-// A rate that every scene has, beside which others are small or large whatever the unit of time: the
-// frequency of a node on all its springs, of K0 + K1 in the chain, of K0 in the continuum; without mass as
-// above; where nothing holds it, the rate at which a force of the scene's scale makes a velocity of its scale
-// (scales.hpp).
-double unit_rate(const Scene& scene);
 // The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the
 // two, which explicit steps obey.
 double viscous_rate(const Scene& scene);

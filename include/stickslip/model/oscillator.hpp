@@ -21,7 +21,7 @@
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/model/slip_scales.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/periodic_mesh.hpp"
 
@@ -77,7 +77,7 @@ class Oscillator {
   std::shared_ptr<const Friction> friction_;
   LinearPoint node_;  // of that node, at r2 = 1 and without friction
   double B_, c2_, v_, escape_;
-  SlipScales scales_;
+  Scales scales_;
 };
 
 // A periodic solution as a function of phase = t/period, phase 0 where f passes v upwards (downwards where v

@@ -2,17 +2,17 @@
 // of smaller grids); and what the whole field shows in the last quarter of the run: amplitude, pulses, wave
 // speed, steepest front.
 //
-// The motion is compared with steady sliding, psi = v (with held ends: its boundary layers). |v| is the scale
-// of psi; 1 where v = 0. The distance from sliding is taken over the last period of the motion (a sixteenth
-// of the run where it has none): of every place the distance of the middle of its range, and 1/sqrt(2) of
-// half its range, which is the root mean square of an oscillation. The size of the motion is the root mean
-// square, over the places, of the largest |psi - steady| in a stretch of time; its rate of change is the
-// slope of its logarithm over stretches of one or two periods each, with the error that the scatter about the
-// straight line gives it, in the last quarter of the run where that holds six periods, else in its last half
-// where that holds three, else in its last three quarters. Three such errors are what a rate must exceed to
-// be believed (more where there are few stretches).
+// The motion is compared with steady sliding, psi = v (with held ends: its boundary layers). The scale of psi
+// is |v|, or for v = 0 a 32nd of that of a slip (model/scales.hpp). The distance from sliding is taken over
+// the last period of the motion (a sixteenth of the run where it has none): of every place the distance of
+// the middle of its range, and 1/sqrt(2) of half its range, which is the root mean square of an oscillation.
+// The size of the motion is the root mean square, over the places, of the largest |psi - steady| in a stretch
+// of time; its rate of change is the slope of its logarithm over stretches of one or two periods each, with
+// the error that the scatter about the straight line gives it, in the last quarter of the run where that
+// holds six periods, else in its last half where that holds three, else in its last three quarters. Three
+// such errors are what a rate must exceed to be believed (more where there are few stretches).
 //
-//   sliding     the distance is below 1 % of the scale (0.1 for v = 0: 1e-3) and falls, or is at round-off,
+//   sliding     the distance is below 1 % of the scale and falls, or is at round-off,
 //               or sliding is stable and it does not rise (noise that error control holds has not fallen in
 //               three decay times of theory); and it is not sliding from which the steps let perturbations
 //               grow
@@ -63,8 +63,9 @@ struct Measured {
   // between passages, where the motion repeats: all in the second half of the run, three or more, agree to
   // 1e-3
   std::optional<double> period;
-  double period_error = 0;  // as the passages tell
-  double period_steps = 0;  // in one, of a node
+  double period_error = 0;
+  // Of a small oscillation about v, in parts of it: what the errors of its steps may have added up to.
+  double amplitude_error = 0;
   // of psi at the places looked at, over the last period, that of the load if it has one, else the last
   // quarter
   double low = 0, high = 0;
@@ -84,8 +85,9 @@ class Regime : public Observer {
   void know(double growth, double growth_taken, const std::string& why_not = "",
             double beyond = std::numeric_limits<double>::quiet_NaN());
 
-  // Of the steps, where their error is controlled: relative.
-  void errors_up_to(double relative);
+  // By how much a step may err, in parts of what it computes and of psi, in velocity; and by what a passage
+  // is delayed for an error of the whole run. 0: not known.
+  void errors_up_to(double step, double psi, double passage);
 
   void plan(ObservationPlan& plan) override;
   void step(const ObservedStep& step) override;

@@ -36,10 +36,8 @@ struct ContinuumLead {
 // collective.
 std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& J);
 
-// A frequency of the scene: that of uniform oscillation, or of the shortest wave where nothing holds the
-// line.
-double unit_frequency(const LinearisedOperator& J);
-// That of all springs at a node: of K0 + K1 in the chain, of K0 in the continuum, where K1 has another unit.
+// The frequency of all springs at a node, of K0 + K1 in the chain, of K0 in the continuum, where K1 has
+// another unit; where there is none the scene's own rate.
 double spring_frequency(const LinearisedOperator& J);
 // The slower of the rates that springs and damping of the mean medium give, w^2/(w + |C|) with w the
 // frequency of all springs: beside it growth rates are small or large, whatever the unit of time.

@@ -40,6 +40,7 @@ class LinearisedOperator {
 
   Scene scene;
   double A, K0, K1, N;  // of a medium that differs along x the largest A and K0, the mean K1
+  double rate;          // of the scene (model/scales.hpp)
   Coupling coupling;    // the nodes solved for
   bool uniform = true;  // the same at every node
   LinearPoint point(std::size_t i) const {

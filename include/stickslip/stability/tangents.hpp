@@ -95,7 +95,7 @@ class Tangents {
   VecHandle u_, was_;
   std::vector<std::vector<double>> neighbour_forces_;  // N D2 psi at the nodes, see find_neighbour_forces
   std::unique_ptr<TangentParts> parts_;
-  double stiff_part_ = 1e-3;  // length of the next part of move_stiff(), in time: any to begin with
+  double stiff_part_;  // length of the next part of move_stiff(), in time: any to begin with
   bool begun_ = false, start_known_ = false, any_moves_ = true;
   long draws_ = 0;
   double divergence_ = 0;

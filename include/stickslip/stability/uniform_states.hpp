@@ -30,8 +30,9 @@ struct UniformState {
 // Whether the scene is such a chain, uniform and without held ends.
 bool has_uniform_states(const Scene& scene);
 
-// Every one between 1e-300 and 1e8 of either sign, and at rest, in ascending order of psi; of those nearer to
-// each other than a sixteenth of a decade two may be missed. `stress`: the force over the friction amplitude.
+// Every one between 1e-290 and 1e8 of a slip's scale (model/scales.hpp), of either sign, and at rest, in
+// ascending order of psi; of those nearer to each other than a sixteenth of a decade two may be missed.
+// `stress`: the force over the friction amplitude.
 std::vector<UniformState> uniform_states(const Scene& scene, double stress);
 
 }  // namespace stickslip

@@ -36,7 +36,7 @@ namespace stickslip {
 struct Rates {
   double wave, friction;
   bool stiff_friction, stiff_wave;
-  double own;  // unit_rate() of the scene: of one in which nothing else has a rate
+  double own;  // of the scene (model/scales.hpp), which has one where nothing else does
   // The start of an adaptive run, and the step of a fixed one: well inside the stability region.
   double first_step() const { return 0.5 / std::max({wave, friction, 1e-3 * own}); }
 };
