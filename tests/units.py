@@ -155,6 +155,8 @@ class Rescaling:
             return self.exponent(dimension(name, options))
         if name == "state":
             return self.exponent(state_of(options))
+        if name == "largest_moment":  # slip summed over place
+            return self.exponent((1, 1, 0, 0))
         unit = key_units().get(name, {"psi": "length/time", **dict.fromkeys(("x", "chi", "from", "to"), "length")}.get(name, ""))
         found = powers(unit, name in PLACE_KEYS) or (0, 0, 0, 0)
         return self.exponent((0, *found[1:]) if options.get("model_form") == "chain" else found)
@@ -400,11 +402,16 @@ def draw_start(random, o):
 def draw_run(random):
     massless = random.random() < 0.1
     o = draw_law(random, draw_medium(random, int(random.choice([1, 1, 3, 12, 30]))), smooth=massless)
-    if massless and "model_form" in o:
-        o["model_m"] = 0.
+    massless = massless and "model_form" in o
+    if random.random() < 0.1 and not massless:  # what moves then is a held end, or a motion that dies
+        o["model_v"] = 0.
     draw_start(random, add_spread(random, o))
+    if massless:  # psi follows from the force, or this from psi
+        o |= {"model_m": 0.}
+        for name in ("init_eta", "model_nu", "init_noise_of"):
+            o.pop(name, None)
     o["ts_max_time"] = random.uniform(5, 30)
-    kind = random.random()
+    kind = random.random() * (1 if not massless else 0.15)
     if kind < 0.15:
         o |= {"load_sine_amplitude": random.uniform(0.05, 0.5), "load_sine_period": random.uniform(1, 9)}
     elif kind < 0.3:
@@ -423,7 +430,7 @@ def draw_events(random):
     o = draw_run(random)
     o |= {"out_events": "true", "out_file": "e.h5"}
     if o["friction_law"] not in ("coulomb", "carlson-langer", "stribeck", "slip-weakening"):
-        o["out_events_velocity"] = o["model_v"] * 1.5
+        o["out_events_velocity"] = (o["model_v"] or 0.2) * 1.5
     return o
 
 
