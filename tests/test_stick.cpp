@@ -4,6 +4,7 @@
 #include <limits>
 #include <functional>
 #include <map>
+#include <random>
 #include <set>
 
 #include "catch.hpp"
@@ -290,6 +291,96 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
   CHECK(rests > rows / 20);
   CHECK(beyond < 1e-11);
   if (!back_slip) CHECK(backwards == 0);
+}
+
+// Blocks at their thresholds begin to slip with what held them, to the last bit: with less they would rest
+// again at once, and begin again, without end.
+void check_releases(FrictionParameters friction, const std::vector<std::pair<double, double>>& pairs,
+                    const char* low, double load) {
+  std::vector<std::pair<double, double>> statics, slidings;
+  for (const auto& [fs, fd] : pairs) {
+    statics.emplace_back(double(statics.size()), fs);
+    slidings.emplace_back(double(slidings.size()), fd);
+  }
+  friction.profiles["friction_fs"] = ProfileAlongX(statics, Between::linear);
+  friction.profiles[low] = ProfileAlongX(slidings, Between::linear);
+  Scene s = lone_blocks(PetscInt(pairs.size()));
+  s.friction = friction;
+  s.spread = 0.3;
+  if (load != 0) s.normal = Load(1, {}, {{load, 2, M_PI / 2}});  // at its largest
+  for (const double side : {1., -1.}) {
+    s.v = 0.1 * side;
+    const Model model(PETSC_COMM_WORLD, s);
+    model.begin_load(0);
+    model.set_time(0);
+    Stick stick(model);
+    const VecHandle u = model.create_vector(), slope = model.create_vector();
+    const double normal = model.normal_load(0).N;
+    std::mt19937 draw(5);
+    fill(model, [&](PetscInt node, double* at) {
+      const PetscInt i = node - model.first();
+      at[0] = 0;
+      if (model.dof() == 3) at[2] = std::uniform_real_distribution<double>(0, 2)(draw);
+      const double holds = model.friction_law(i).threshold(model.dof() == 3 ? at[2] : 0).value;
+      at[1] = side * (normal * model.amplitude()[i] * holds);
+    }, u);
+    stick.decide(u, 0);
+    model.rhs(Part::full, u, slope);
+    const double* f;
+    SS_TRY(VecGetArrayRead(slope, &f));
+    long rest = 0, back = 0;
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      rest += model.dof() == 2 && stick.direction()[i] != side;  // a threshold may grow faster
+      back += side * f[i * model.dof()] < 0;
+    }
+    SS_TRY(VecRestoreArrayRead(slope, &f));
+    INFO(to_string(friction.law) << " with " << to_string(friction.state) << ", load " << load);
+    CHECK(rest == 0);
+    CHECK(back == 0);
+  }
+}
+
+TEST_CASE("no pair of frictions lets a block go with more than what held it") {
+  std::vector<std::pair<double, double>> pairs;
+  for (int fs = 2; fs <= 132; ++fs)  // of two digits all
+    for (int low = 1; low < fs; ++low) pairs.emplace_back(fs / 100., low / 100.);
+  std::mt19937 draw(63);
+  for (int k = 0; k < 4000; ++k) {
+    const int fs = std::uniform_int_distribution<int>(2, 1999)(draw);
+    pairs.emplace_back(fs / 1000., std::uniform_int_distribution<int>(1, fs - 1)(draw) / 1000.);
+  }
+  for (const double load : {0., 0.31}) {
+    for (const char* state : {"none", "healing", "contact-age"}) {
+      for (const char* law : {"coulomb", "stribeck"}) {
+        FrictionParameters p;
+        p.law = Law(law);
+        p.state = StateLaw(state);
+        check_releases(p, pairs, law == std::string("coulomb") ? "friction_fd" : "friction_fc", load);
+      }
+    }
+    for (const double linear : {0., 1.}) {
+      FrictionParameters p;
+      p.law = Law("slip-weakening");
+      p.state = StateLaw("slip-memory");
+      p.values["friction_weakening"] = linear;
+      check_releases(p, pairs, "friction_fd", load);
+    }
+  }
+  // tables, of which a scene has one, with other forces of motion back; and what drops at once
+  for (std::size_t k = 0; k < pairs.size(); k += 5) {
+    FrictionParameters table, drops;
+    table.law = Law("table");
+    table.curve = {{0, pairs[k].first}, {0.3, pairs[k].second}, {1, pairs[k].second / 2}};
+    if (k % 2) table.curve.insert(table.curve.begin(), {{-1, -pairs[k].second / 3}, {-0.2, -pairs[k].second}});
+    drops.law = Law("carlson-langer");
+    drops.values["friction_sigma"] = pairs[k].second / 2;
+    for (const FrictionParameters& p : {table, drops})
+      for (const double side : {1., -1.}) {
+        const auto law = Friction::of(p);
+        const double holds = law->threshold(0).value, slips = side * law->sliding_partials(0, 0, side).F;
+        if (!(holds >= slips)) FAIL(to_string(p.law) << ": " << holds << " holds, " << slips << " slips");
+      }
+  }
 }
 
 TEST_CASE("blocks that start and stop at once") {

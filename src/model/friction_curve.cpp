@@ -172,7 +172,6 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   for (const Points& one : directions) {
     if (straight_beyond) check_beyond(one, &one == &directions[0] ? 1 : -1);
     const std::vector<CubicPiece> pieces = pieces_of(one, straight_beyond);
-    threshold_ = pieces.front().value;
     std::size_t k = 0;  // the piece at the begin of the bucket
     for (std::int64_t i = 0; i < b.count; ++i) {
       const CubicPiece& low = pieces[k];

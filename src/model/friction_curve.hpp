@@ -58,7 +58,6 @@ class FrictionCurve {
     return std::int64_t(elementary::bits_of(x + offset_) >> shift_) - base_ + other;
   }
   const Bucket& bucket(std::int64_t place) const { return buckets_[place]; }
-  double threshold() const { return threshold_; }
   double least_speed() const { return least_; }  // given, beside 0: below 0 the cubic is good for so much
   SlopeBounds slope_bounds() const { return bounds_; }
   LawScales scales() const { return {last_, largest_ > 0 ? largest_ : 1, 1}; }
@@ -71,7 +70,7 @@ class FrictionCurve {
   std::vector<CubicPiece> pieces_of(const Points& points, bool straight_beyond);
 
   std::vector<Bucket> buckets_;  // of one direction, then of the other
-  double offset_ = 0, last_ = 0, least_ = 0, threshold_ = 0, largest_ = 0;
+  double offset_ = 0, last_ = 0, least_ = 0, largest_ = 0;
   int shift_ = 0;
   std::int64_t base_ = 0, backward_ = 0;  // backward_: 0 where both directions are alike
   SlopeBounds bounds_;

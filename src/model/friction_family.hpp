@@ -108,16 +108,18 @@ class Resolved final : public Friction {
     terms_.beside(psi, speed, p.F, p.F_psi);
     return p;
   }
-  // Of phi: not less than what the node begins to slip against, in either direction; and that number to the
-  // last bit but where the law drops at once by more than round-off: what begins to slip with a friction
-  // beyond what held it would stop at once, and begin again, without end.
+  // Of phi: what the node begins to slip against, the larger of both directions, to the last bit, but where
+  // the law drops from more, by more than round-off: what begins to slip with a friction beyond what held it
+  // would stop at once, and begin again, without end.
   static double what_holds(const F& f) {
     if constexpr (!F::sticks) {
       return 0;
     } else {
       constexpr double drop = 1 + 1e-12;
       const double slips = std::max(f.law.phi(0., SignFrozen{1}).value, -f.law.phi(0., SignFrozen{-1}).value);
-      return f.law.threshold() > drop * slips ? f.law.threshold() : slips;
+      if constexpr (traits::drops<decltype(f.law)>)
+        if (f.law.threshold() > drop * slips) return f.law.threshold();
+      return slips;
     }
   }
   F f_;

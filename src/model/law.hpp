@@ -6,14 +6,14 @@
 //     static std::vector<Declared<Class>> parameters()
 //     template <class Real, class Sign> WithSlopeOf<Real> phi(Real psi, Sign sign) const        phi and its
 //                                                                                               slope
-// and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a
-// factor of the state says `takes_state = true` and gives PartialsOf<Real> partials(Real psi, Real s) const
-// in place of phi. Real is double, or a number that carries derivatives (numerics/jet.hpp): higher
-// derivatives come from the formulas as they stand. So functions of it are called as `using std::exp;
-// exp(psi)`, or `using elementary::exp`: then the loops over nodes become vector code
-// (numerics/elementary.hpp), so long as the formula has no branch either (where_less() there). A state law is
-// a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s is its
-// logarithm); parameters() and
+// and, where it drops as motion begins, double threshold() const, which holds a node at rest; otherwise phi
+// at rest does. A law whose friction is no product of phi and a factor of the state says `takes_state = true`
+// and gives PartialsOf<Real> partials(Real psi, Real s) const in place of phi. Real is double, or a number
+// that carries derivatives (numerics/jet.hpp): higher derivatives come from the formulas as they stand. So
+// functions of it are called as `using std::exp; exp(psi)`, or `using elementary::exp`: then the loops over
+// nodes become vector code (numerics/elementary.hpp), so long as the formula has no branch either
+// (where_less() there). A state law is a class with name; symbol, unit and meaning of the state as files show
+// it; logarithmic (the stored s is its logarithm); parameters() and
 //     RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const    a template too;
 //                                                                                     direction: the sign
 //                                                                                    of psi, 0 at rest
@@ -124,6 +124,8 @@ struct Has<T, Member, std::void_t<Member<T>>> : std::true_type {};
 template <class T>
 using JumpsAtRest = decltype(T::jumps_at_rest);
 template <class T>
+using Threshold = decltype(&T::threshold);
+template <class T>
 using TakesState = decltype(T::takes_state);
 template <class T>
 using Steep = decltype(&T::newton_psi);
@@ -162,6 +164,9 @@ using OnlyFor = decltype(T::only_for);
 template <class T>
 using Derivatives = decltype(T::continuous_derivatives);
 
+// threshold(): friction drops from it as motion begins.
+template <class L>
+constexpr bool drops = Has<L, Threshold>::value;
 // partials() in place of phi(): F is no product of phi and a factor of the state.
 template <class L>
 constexpr bool takes_state = Has<L, TakesState>::value;

@@ -8,7 +8,6 @@ struct Lorentz {
   static constexpr bool jumps_at_rest = true;
   static std::vector<Declared<Lorentz>> parameters() { return {}; }
 
-  double threshold() const { return 1; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     const WithSlopeOf<Real> s = sign.sign_slope(psi);

@@ -54,7 +54,6 @@ struct SlipWeakening {
   }
 
   LawScales scales() const { return {0, fs, Dc, Dc}; }
-  double threshold() const { return 1; }  // in units of factor()
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     return sign.sign_slope(psi);

@@ -46,7 +46,6 @@ struct Stribeck {
   }
 
   LawScales scales() const { return {vs, fs > fc ? fs : fc, 1}; }
-  double threshold() const { return fs; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     const WithSlopeOf<Real> s = sign.sign_slope(psi), a = sign.magnitude(psi);

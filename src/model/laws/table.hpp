@@ -41,7 +41,6 @@ struct MeasuredCurve {
   }
 
   LawScales scales() const { return curve->scales(); }
-  double threshold() const { return curve->threshold(); }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     using elementary::value_of;
