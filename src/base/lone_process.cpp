@@ -37,10 +37,24 @@ bool stands_in_file(const std::string& name) {
 
 // What keeps a single process from asking for more than it needs.
 void set_parameters() {
-  const char* const parameters[][2] = {{"ess_singleton_isolated", "1"}, {"pml", "ob1"}, {"btl", "self"}};
+  const char* const parameters[][2] = {
+      {"ess_singleton_isolated", "1"}, {"orte_create_session_dirs", "0"}, {"pml", "ob1"}, {"btl", "self"}};
   for (const auto& [name, value] : parameters)
     if (!stands_in_file(name)) setenv((std::string("OMPI_MCA_") + name).c_str(), value, 0);
   setenv("HWLOC_COMPONENTS", "-linuxio,-pci", 0);  // no device is asked for
+}
+
+bool is_set(const char* name, const std::string& value) {
+  const char* set = std::getenv(name);
+  return set && set == value;
+}
+
+// Open MPI 4 makes none where it is told so; later ones do not ask.
+bool makes_folders() {
+  char version[MPI_MAX_LIBRARY_VERSION_STRING];
+  int length = 0;
+  MPI_Get_library_version(version, &length);
+  return !begins_with(version, "Open MPI v4.") || !is_set("OMPI_MCA_orte_create_session_dirs", "0");
 }
 
 // While this lives, Open MPI's folders for temporary files lie in one that no other process knows. Where none
@@ -86,9 +100,8 @@ bool init(int& argc, char**& argv) {
 bool start_mpi(int& argc, char**& argv) {
   if (has_launcher()) return init(argc, argv);
   set_parameters();
-  const char* isolated = std::getenv("OMPI_MCA_ess_singleton_isolated");
   // beside a daemon, which needs the folder
-  if (!isolated || isolated != std::string("1")) return init(argc, argv);
+  if (!is_set("OMPI_MCA_ess_singleton_isolated", "1") || !makes_folders()) return init(argc, argv);
   const OwnTemporaryFolder folder;
   return init(argc, argv);
 }

@@ -27,7 +27,7 @@ def test_its_folder_is_its_own(tmp_path):
     shared.write_text("")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("OMPI_MCA_")}
     environment["TMPDIR"] = str(tmp_path)
-    for more in ({}, {"OMPI_MCA_orte_tmpdir_base": str(tmp_path)}):
+    for more in ({}, {"OMPI_MCA_orte_tmpdir_base": str(tmp_path)}, {"OMPI_MCA_orte_create_session_dirs": "1"}):
         done = version(**environment, **more)
         assert done.returncode == 0 and done.stdout.startswith("stickslip "), done.stderr
     assert subprocess.run([PROGRAM, "run", "-grid_n", "0"], env=environment, capture_output=True, check=False).returncode == 2
