@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "base/local_values.hpp"
 #include "output/row_columns.hpp"
 #include "output/rupture.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -213,35 +211,17 @@ void Catalogue::plan(ObservationPlan& plan) {
   if (stiff_) plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });
 }
 
-// Where friction is stiff the slopes of psi say nothing of what it goes through: the method does, in steps in
-// which something moves.
-void Catalogue::look_into(const ObservedStep& step) {
-  const double fastest = model_.local() > 0 ? fastest_of(step.u) : 0;
-  const double before = std::exchange(fastest_, largest_over(model_.comm(), fastest));
-  const bool asks = step.t > step.t_before && std::max(before, fastest_) > velocity_;
-  if (!asks) return events_->step(step.t, Reading(step.u), model_.dof());
-  if (!middle_) middle_ = model_.create_vector();
-  step.interpolate((step.t_before + step.t) / 2, middle_);
-  const Reading middle(middle_);
-  events_->step(step.t, Reading(step.u), model_.dof(), middle);
-}
-
-double Catalogue::fastest_of(Vec u) const {
-  const Reading a(u);
-  double fastest = 0;
-  for (PetscInt i = 0; i < model_.local(); ++i)
-    fastest = std::max(fastest, std::abs(a[i * model_.dof()]));
-  return fastest;
-}
-
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
   if (!events_) return;
-  if (stiff_)
-    look_into(step);
-  else
-    events_->step(step.t, Reading(step.u), model_.dof());
+  // Where friction is stiff the slopes of psi say nothing of what it goes through: the method does.
+  const std::function<Vec()> middle = [&] {
+    if (!middle_) middle_ = model_.create_vector();
+    step.interpolate((step.t_before + step.t) / 2, middle_);
+    return Vec(middle_);
+  };
+  events_->step(step.t, step.u, model_.dof(), stiff_ ? middle : nullptr);
   for (const SlipEvent& event : events_->ended()) enter(event, plate_.at(event.end));
 }
 

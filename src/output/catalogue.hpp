@@ -92,16 +92,13 @@ class Catalogue : public Observer {
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:
-  void look_into(const ObservedStep& step);
-  double fastest_of(Vec u) const;  // of this rank
   void enter(const SlipEvent& event, double plate_time);
 
   const Model& model_;
   const Plate& plate_;
   double velocity_;
   bool ruptures_, stiff_ = false;
-  VecHandle middle_;     // where friction is stiff: of the step, and the fastest node at its end
-  double fastest_ = HUGE_VAL;
+  VecHandle middle_;  // of a step, where friction is stiff
   std::optional<Events> events_;
   long told_ = 0;  // events
   RunFile* file_ = nullptr;

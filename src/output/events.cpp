@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "model/loops.hpp"
 #include "model/node_weight.hpp"
 #include "model/state_response.hpp"
@@ -385,7 +386,7 @@ struct Events::Impl {
   }
 
   // From last to now.
-  void advance(double to) {
+  void advance(double to, const std::function<Vec()>& middle = nullptr) {
     if (started) {
       const double dt = to - t;
       pass_jump_of_load(normal.begin_step(scene.normal, t, dt));
@@ -396,7 +397,10 @@ struct Events::Impl {
       if (scene.N() > 0) find_viscous_forces(dt);
       find_moving(dt);
       slipped_then = slipped;
+      const Reading of_middle(middle && dt > 0 && !regions.live().empty() ? middle() : nullptr);
+      middle_of_step = of_middle;
       accumulate_moving(dt);
+      middle_of_step = nullptr;
       moved.swap(moving);
       finish(find_over());
     }
@@ -419,14 +423,12 @@ void Events::step(double t, const Fields& fields) {
   impl_->advance(t);
 }
 
-void Events::step(double t, const double* u, int dof, const double* middle) {
+void Events::step(double t, Vec u, int dof, const std::function<Vec()>& middle) {
   impl_->now.resize(dof);
   for (std::vector<double>& field : impl_->now) field.resize(impl_->n);
   Fields& now = impl_->now;
-  event_loops::separate({u, now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
-  impl_->middle_of_step = middle;
-  impl_->advance(t);
-  impl_->middle_of_step = nullptr;
+  event_loops::separate({Reading(u), now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
+  impl_->advance(t, middle);
 }
 
 std::vector<SlipEvent> Events::ended() {

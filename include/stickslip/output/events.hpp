@@ -46,6 +46,9 @@
 // in sums.
 #pragma once
 
+#include <petscvec.h>
+
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -77,9 +80,10 @@ class Events {
   // The fields psi, eta (and the stored state) of this rank's nodes at t; the first call is the start.
   // Collective.
   void step(double t, const std::vector<std::vector<double>>& fields);
-  // Node by node, dof of a node. `middle`: the same in the middle of the step, of friction that is stiff
-  // (else what nodes go through is the cubic through their values and slopes).
-  void step(double t, const double* u, int dof, const double* middle = nullptr);
+  // Node by node, dof of a node. `middle`: gives the same in the middle of the step, of friction that is
+  // stiff (else what nodes go through is the cubic through their values and slopes); asked for where an event
+  // is under way, on all ranks.
+  void step(double t, Vec u, int dof, const std::function<Vec()>& middle = nullptr);
   // What has ended since the last call, in order of the ends; the same on every rank.
   std::vector<SlipEvent> ended();
   long count() const;  // ended so far
