@@ -48,7 +48,11 @@ Stick::Stick(const Model& model)
   const std::vector<double>& amplitude = model.amplitude();
   frictionless_ = on_any_rank(model.comm(), std::count(amplitude.begin(), amplitude.end(), 0.) > 0);
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
-  if (dof_ == 3) return;
+  if (dof_ == 3) {
+    limit_.resize(std::size_t(model.local()));
+    next_limit_.resize(limit_.size());
+    return;
+  }
   for (PetscInt i = 0; i < model.local(); ++i)
     fixed_threshold_.push_back(model.friction_law(i).threshold(0).value);
 }
@@ -57,17 +61,19 @@ Stick::~Stick() { model_.set_direction(nullptr); }
 // Of node i; u: its unknowns. The same product as on the right-hand side, so that a node at its threshold is
 // there to the last bit when it begins to slip.
 double Stick::threshold(PetscInt i, const double* u, const NormalLoad& normal) const {
-  return normal.N * model_.amplitude()[i] * law_threshold(i, u);
+  const double law = dof_ == 2 ? fixed_threshold_[i] : model_.friction_law(i).threshold(u[2]).value;
+  return normal.N * model_.amplitude()[i] * law;
 }
-double Stick::law_threshold(PetscInt i, const double* u) const {
-  return dof_ == 2 ? fixed_threshold_[i] : model_.friction_law(i).threshold(u[2]).value;
-}
-double Stick::threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const {
-  const double by_load = normal.rate == 0 ? 0 : normal.rate * model_.amplitude()[i] * law_threshold(i, u);
-  if (dof_ == 2) return by_load;
-  const Friction& law = model_.friction_law(i);
-  const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
-  return normal.N * model_.amplitude()[i] * rate + by_load;
+// And its rate, while the node rests.
+WithSlope Stick::moving_threshold(PetscInt i, const double* u, const NormalLoad& normal) const {
+  WithSlope law{dof_ == 2 ? fixed_threshold_[i] : 0, 0};
+  if (dof_ == 3) {
+    const Friction& friction = model_.friction_law(i);
+    law = friction.threshold(u[2]);
+    law.slope *= friction.sliding_rate(0, u[2], 0).g;
+  }
+  const double amplitude = model_.amplitude()[i], by_load = normal.rate * amplitude * law.value;
+  return {normal.N * amplitude * law.value, normal.N * amplitude * law.slope + by_load};
 }
 // At a part of the step under way.
 NormalLoad Stick::normal_at(double part) const { return model_.normal_load(begin_ + part * candidates_->dt); }
@@ -116,10 +122,10 @@ void Stick::decide(Vec u, double t) {
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double& going = direction_[i];
     if (going == 0) {
-      const double *at = a + i * dof_, limit = threshold(i, at, normal);
+      const WithSlope limit = moving_threshold(i, a + i * dof_, normal);
+      if (dof_ == 3) limit_[i] = limit;
       for_each_side([&](double side) {
-        const double excess = side * force[i] - limit;
-        if (begins(excess, limit, side * rate[i] - threshold_rate(i, at, normal))) going = side;
+        if (begins(side * force[i] - limit.value, limit.value, side * rate[i] - limit.slope)) going = side;
       });
       if (going != 0) ++counts[1];
     }
@@ -169,16 +175,17 @@ void Stick::find_candidates(Vec before, Vec after, double dt) {
       candidates_->slides(i, direction_[i], at0[0], at1[0], fa[i * dof_], fb[i * dof_]);
       continue;
     }
-    const double limit0 = threshold(i, at0, normal0), limit1 = threshold(i, at1, normal1);
-    const double rate0 = threshold_rate(i, at0, normal0), rate1 = threshold_rate(i, at1, normal1);
+    const WithSlope limit0 = dof_ == 3 ? limit_[i] : moving_threshold(i, at0, normal0),
+                    limit1 = moving_threshold(i, at1, normal1);
+    if (dof_ == 3) next_limit_[i] = limit1;
     for_each_side([&](double side) {
-      const ValueAndSlope begin{0, side * force0[i] - limit0, side * force_rate0[i] - rate0},
-          end{dt, side * force1[i] - limit1, side * force_rate1[i] - rate1};
-      if (bounds.plain(begin, end)) return candidates_->rests(i, side, begin, end, limit1);
+      const ValueAndSlope begin{0, side * force0[i] - limit0.value, side * force_rate0[i] - limit0.slope},
+          end{dt, side * force1[i] - limit1.value, side * force_rate1[i] - limit1.slope};
+      if (bounds.plain(begin, end)) return candidates_->rests(i, side, begin, end, limit1.value);
       RestingNode node = resting(i, side, force0[i], force_rate0[i], at0, loads);
       node.moves(loads, dt, force1[i], force_rate1[i]);
-      if (!bounds.out_of_reach(node, std::min(limit0, limit1)))
-        candidates_->rests(i, side, begin, end, limit1, release(node, loads, dt));
+      if (!bounds.out_of_reach(node, std::min(limit0.value, limit1.value)))
+        candidates_->rests(i, side, begin, end, limit1.value, release(node, loads, dt));
     });
   }
   double both[2] = {candidates_->estimate, candidates_->reached};
@@ -225,6 +232,7 @@ Stick::Cut Stick::first_change(Vec before, Vec after, double t, double dt,
   if (place.found == Found::too_coarse) return {Cut::Kind::too_coarse, 0};
   if (place.found == Found::none) {
     std::swap(slope_, next_slope_);
+    limit_.swap(next_limit_);
     return {Cut::Kind::none, 1};
   }
   snap(before, landed, place.part);
@@ -342,10 +350,11 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
     const Reading f(slope_), b(into);
     const Forces force(b, total, dof_), rate(f, total_rate, dof_);
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
-      const double limit = threshold(i, b + i * dof_, normal), faster = K0(i) * gain;
+      const WithSlope limit = moving_threshold(i, b + i * dof_, normal);
+      const double faster = K0(i) * gain;
       for_each_side([&](double side) {
-        if (std::abs(side * force[i] - limit) <= close * limit &&
-            side * (rate[i] + faster) > threshold_rate(i, b + i * dof_, normal))
+        if (std::abs(side * force[i] - limit.value) <= close * limit.value &&
+            side * (rate[i] + faster) > limit.slope)
           limits.push_back({i, side});
       });
     }

@@ -51,8 +51,11 @@ class Stick {
   // engages, or this one is destroyed.
   explicit Stick(const Model& model);
   // Memory of a node whose unknowns take `unknowns` bytes: slopes at both ends of a step, u where it is cut
-  // and where it is tried; directions and thresholds.
-  static double bytes_a_node(double unknowns) { return 4 * unknowns + 40; }
+  // and where it is tried; directions and thresholds, which with a state move.
+  static double bytes_a_node(double unknowns) {
+    const bool has_state = unknowns > 2 * sizeof(double);
+    return 4 * unknowns + (has_state ? 64 : 40);
+  }
   ~Stick();
   Stick(const Stick&) = delete;
   Stick& operator=(const Stick&) = delete;
@@ -95,8 +98,7 @@ class Stick {
 
  private:
   double threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
-  double law_threshold(PetscInt i, const double* u) const;
-  double threshold_rate(PetscInt i, const double* u, const NormalLoad& normal) const;
+  WithSlope moving_threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
   LoadsFrom loads_from(double t) const;
   RestingNode resting(PetscInt i, double side, double force, double rate, const double* u,
                       const LoadsFrom& loads) const;
@@ -126,7 +128,8 @@ class Stick {
   PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
   bool both_sides_, frictionless_;      // the latter: a node of any rank has no friction
   std::vector<double> direction_, was_;
-  std::vector<double> fixed_threshold_;  // the laws', without a state
+  std::vector<double> fixed_threshold_;         // the laws', without a state
+  std::vector<WithSlope> limit_, next_limit_;  // with one, of resting nodes: both ends of the step
   bool all_rest_ = false;
   long changes_ = 0;
   std::vector<PetscInt> changed_;
