@@ -43,6 +43,15 @@ TEST_CASE("the least velocity that a scene has is its scale", "[scales]") {
              {"model_f0", "2e3"},
              {"model_k0", "2e6"},
              {"model_m", "2e4"}}) == Approx(0.01));
+  // a drop of 0.3 in friction makes slips of 0.3 f0/sqrt(m (k0 + 2 k1)), however slow the plate
+  CHECK(psi({{"friction_law", "coulomb"},
+             {"friction_fd", "0.7"},
+             {"model_v", "1e-9"},
+             {"model_k0", "0.5"},
+             {"model_k1", "1"},
+             {"model_m", "0.1"}}) == Approx(0.3 / std::sqrt(0.25)));
+  CHECK(psi({{"friction_law", "coulomb"}, {"friction_fd", "1"}, {"model_v", "1e-9"}}) == 5e-9);
+  CHECK(psi({{"friction_law", "coulomb"}, {"friction_stick", "regularised"}, {"model_v", "1e-9"}}) == 5e-9);
   // rate-and-state's reference velocity says only where friction is mu0
   CHECK(psi({{"friction_law", "rate-and-state"}, {"friction_psi0", "1e-12"}, {"model_v", "1e-3"}}) == 5e-3);
   CHECK(psi({{"friction_law", "dahl"},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "model/scales_family.hpp"
 #include "stickslip/model/frictions.hpp"
@@ -16,7 +17,7 @@ LawTable<ScalesFamily::Make>& ScalesFamily::table() { return listed<ScalesFamily
 namespace {
 
 // Of the parameters as they are along x the least velocity and state, and the largest force.
-LawScales law_scales(const Scene& s) {
+DroppingScales law_scales(const Scene& s) {
   if (!s.friction.varies()) return ScalesFamily::table().of(s.friction)(s.friction, {});
   constexpr PetscInt most = 101;  // places, the ends among them
   const PetscInt count = std::min(s.n, most);
@@ -25,10 +26,16 @@ LawScales law_scales(const Scene& s) {
   return ScalesFamily::table().of(s.friction)(s.friction, places);
 }
 
-double largest_amplitude(const Scene& s) {
-  if (s.amplitude.points().empty()) return 1;
-  const auto [low, high] = s.amplitude.range();
-  return std::max(std::abs(low), std::abs(high));
+// Along x, of friction without its spread.
+std::pair<double, double> amplitude_range(const Scene& s) {
+  return s.amplitude.points().empty() ? std::pair(1., 1.) : s.amplitude.range();
+}
+
+// What a node gains that lets go alone, against its own and its neighbours' springs.
+double velocity_of_drop(const Scene& s, double drop) {
+  if (drop == 0 || s.massless()) return 0;
+  const double h = s.n > 1 ? s.spacing() : 1, K = s.K0() + (s.n > 1 ? 2 * s.K1() / (h * h) : 0);
+  return amplitude_range(s).first * drop / (s.B() + std::sqrt(K / s.A()));
 }
 
 double velocity_given(const Scene& s) {
@@ -56,20 +63,20 @@ void set_massless(const Scene& s, double K, SceneScales& scales) {
 
 SceneScales scales_of(const Scene& scene) {
   const Scene s = scene.averaged();
-  const LawScales law = law_scales(s);
+  const DroppingScales law = law_scales(s);
   const double K = springless(s) ? s.K1() : s.K0(), B = s.B();
   const double of_force = s.massless() ? (B > 0 ? 1 / B : 0) : K > 0 ? std::sqrt(s.A() / K) : 0;
   const double of_length = s.massless() ? (B > 0 ? K / B : 0) : std::sqrt(s.A() * K);
   SceneScales scales;
   Scales &least = scales.least, &slips = scales.slip;
-  least.eta = law.force * largest_amplitude(s) * (s.normal.varies() ? s.normal.largest() : 1);
+  least.eta = law.force * amplitude_range(s).second * (s.normal.varies() ? s.normal.largest() : 1);
   least.state = law.state;
   least.state_is_logarithm = s.friction.has_state() && state_is_logarithmic(s.friction.state);
   // Stick-slip is several times as fast as the plate that drives it.
   constexpr double slip = 5;
   double psi = std::numeric_limits<double>::infinity();
-  for (const double velocity :
-       {slip * velocity_given(s), law.velocity, of_force * least.eta, of_length * law.length})
+  const double driven = std::max(slip * velocity_given(s), velocity_of_drop(s, law.drop));
+  for (const double velocity : {driven, law.velocity, of_force * least.eta, of_length * law.length})
     if (velocity > 0) psi = std::min(psi, velocity);
   if (std::isfinite(psi)) least.psi = psi;
   const double fast = std::abs(s.v) + of_force;

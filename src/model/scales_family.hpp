@@ -7,19 +7,25 @@
 
 namespace stickslip {
 
+// And by how much friction that sticks drops as slip begins.
+struct DroppingScales : LawScales {
+  double drop = 0;
+};
+
 struct ScalesFamily {
-  using Make = LawScales (*)(const FrictionParameters&, const FrictionPlaces&);
+  using Make = DroppingScales (*)(const FrictionParameters&, const FrictionPlaces&);
   static LawTable<Make>& table();
 
   // Over the places the least velocity and state, and the largest force; without any, those everywhere.
   template <class L, class S>
-  static LawScales make(const FrictionParameters& p, const FrictionPlaces& places) {
+  static DroppingScales make(const FrictionParameters& p, const FrictionPlaces& places) {
     return with_friction<L, S>(p, [&](const auto& friction) {
-      if (places.empty()) return traits::scales(friction.law);
+      if (places.empty()) return of(friction);
       const auto along = frictions_along(friction, p, places);
-      LawScales all = traits::scales(along.front().law);
+      DroppingScales all = of(along.front());
       for (const auto& f : along) {
-        const LawScales here = traits::scales(f.law);
+        const DroppingScales here = of(f);
+        all.drop = std::min(all.drop, here.drop);
         if (here.velocity > 0) all.velocity = std::min(all.velocity, here.velocity);
         all.force = std::max(all.force, here.force);
         all.state = std::min(all.state, here.state);
@@ -27,6 +33,15 @@ struct ScalesFamily {
       }
       return all;
     });
+  }
+
+ private:
+  template <class F>
+  static DroppingScales of(const F& f) {
+    DroppingScales scales{traits::scales(f.law)};
+    if constexpr (F::sticks && traits::drops<decltype(f.law)>)
+      scales.drop = std::max(0., f.law.threshold() - f.law.phi(0., SignFrozen{1}).value);
+    return scales;
   }
 };
 

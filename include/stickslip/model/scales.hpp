@@ -3,11 +3,12 @@
 //
 //     least     the smallest scales, which errors of steps are parts of.
 //       psi     the least of: five times the largest velocity of the plate (of a held end, where the plate
-//               stands); the law's own velocity (vs of stribeck, 1 of the cubic); sqrt(A/K0) = f0/sqrt(k0 m)
-//               times the scale of eta, the velocity that such a force gives to a mass on a spring (1/B
-//               without mass; k1 where k0 is 0); and sqrt(A K0) times the law's own length (Dc, fc/sigma0).
-//               A law without a velocity of its own has none to give: rate-and-state's psi0 says only where
-//               friction is mu0. 1 where there is none at all.
+//               stands), or, where friction drops as slip begins and that is larger, what the drop gives a
+//               lone node, drop/(B + sqrt((K0 + 2 K1/h^2)/A)); the law's own velocity (vs of stribeck, 1 of
+//               the cubic); sqrt(A/K0) = f0/sqrt(k0 m) times the scale of eta, the velocity that such a force
+//               gives to a mass on a spring (1/B without mass; k1 where k0 is 0); and sqrt(A K0) times the
+//               law's own length (Dc, fc/sigma0). A law without a velocity of its own has none to give:
+//               rate-and-state's psi0 says only where friction is mu0. 1 where there is none at all.
 //       eta     the law's own force (its threshold, mu0, 1 of the cubic), times the largest amplitude along x
 //               and the largest normal load
 //       state   that of the law (Dc, fc/sigma0); 1 where it is a strength, a factor of friction, or the
