@@ -412,7 +412,9 @@ double StickMotion::turn_beyond(const StickState& stopped, int node, double dire
   const PossibleChange c{node, direction, false, false, false};
   std::vector<double> f0(size()), f1(size()), u1(size());
   rates(p.direction, p.u.data(), f0.data());
+  long steps = 0;
   for (double h = longest_ / 4; direction * p.u[at] > deepest;) {
+    if (++steps > most_steps(0)) return deepest;  // it does not turn
     h = std::min(h, longest_);
     const double error = step_from(p, f0.data(), h, 0, u1.data()), next = Extrapolation::next(h, error);
     if (!(error <= 1)) {

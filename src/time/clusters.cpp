@@ -103,6 +103,7 @@ void Clusters::commit(std::size_t id) {
     return;
   }
   steps_.accept(c);
+  idling_.at(c.t0, {}, same_time());
   queue(id);
 }
 

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from calls import check, data, line, run
+from calls import call, check, data, line, run
 from reference import Stick, System, read, words
 
 LAWS = {"stribeck": ("friction_fs", "friction_fc"), "coulomb": ("friction_fs", "friction_fd"),
@@ -115,9 +115,37 @@ SCENES = ["-model_form chain -grid_n 64 -bc_left free -friction_law stribeck -fr
           "-load_force_sine_period 1e-3"]
 
 
+def too_steep(rise, clusters):
+    """Friction that rises from 0.5 to 1 over so small a velocity that explicit steps get no further."""
+    return (f"-model_form chain -grid_n 20 -bc_left free -friction_law table -friction_table 0:0.5,{rise}:1,1:1 -ts_type rk -ts_rk_type 5dp "
+            f"-init_psi 0 -init_eta 0 -init_noise 0.2 -init_noise_of eta -model_k1 1 -stick_clusters {clusters} -ts_max_time 30")
+
+
+@pytest.mark.parametrize("clusters", ["on", "off"])
+def test_a_run_that_stands_still_ends_and_says_where(clusters):
+    done = call(too_steep("1e-14", clusters))
+    check(done.returncode == 1 and "time stands still" in done.stderr and "t = 8.5149" in done.stderr, done.stderr)
+
+
+def at_work(scenes):
+    """Runs of them, which have begun."""
+    runs = [subprocess.Popen(line(f"{scene} -out_file s{k}.h5 -out_series false"), env=os.environ) for k, scene in enumerate(scenes)]
+    while not all(os.path.exists(f"s{k}.h5") or process.poll() is not None for k, process in enumerate(runs)):
+        time.sleep(0.05)
+    time.sleep(0.5)
+    return runs
+
+
+def test_a_signal_is_heard_in_steps_that_hardly_get_on():
+    runs = at_work([too_steep("1e-9", clusters) for clusters in ("on", "off")])
+    for process in runs:
+        process.send_signal(signal.SIGTERM)
+    codes = [process.wait(timeout=60) for process in runs]
+    check(codes == [143] * len(runs), f"exit codes {codes}")
+
+
 def test_a_signal_ends_any_of_them_soon():
-    runs = [subprocess.Popen(line(f"{scene} -ts_max_time 1e9 -out_series false"), env=os.environ) for scene in SCENES]
-    time.sleep(1)
+    runs = at_work([f"{scene} -ts_max_time 1e9" for scene in SCENES])
     begin = time.monotonic()
     for process in runs:
         process.send_signal(signal.SIGTERM)
