@@ -55,6 +55,19 @@ TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in clos
   CHECK(std::abs(c.multipliers[1]) < 1e-11);
 }
 
+TEST_CASE("the extremes of a cycle lie between the ends of steps as anywhere", "[stick_cycle][serial]") {
+  for (int k = 0; k < 24; ++k) {  // the steps fall otherwise in each
+    Scene s = chain("coulomb", 1);
+    s.k0 = 1;
+    s.v = (k % 2 ? -1 : 1) * (0.05 + 0.013 * k);
+    const double D = 0.5, v = std::abs(s.v), top = v + std::hypot(v, D);
+    const Cycle c = described(s, uniform_stick_fate(s).cycle);
+    INFO("v = " << s.v);
+    CHECK((s.v > 0 ? c.psi_max : -c.psi_min) == Approx(top).epsilon(1e-11));
+    CHECK(c.force_drop == Approx(2 * std::hypot(v, D)).epsilon(1e-11));
+  }
+}
+
 TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest",
           "[stick_cycle][serial]") {
   Scene s = chain("coulomb", 1);

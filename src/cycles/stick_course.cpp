@@ -11,37 +11,36 @@ namespace {
 
 constexpr int samples = 10;  // of a step of order 12
 
-// Samples of the motion in order of time; extrema of psi of each node and of the mean eta are among them.
+// Samples of the motion in order of time; among them is every place where psi of a node, or the mean force of
+// the springs, turns.
 class Sampling {
  public:
   explicit Sampling(const StickMotion& m, Cycle& cycle) : m_(m), cycle_(cycle) {}
 
   void operator()(double from, double to, const std::function<void(double, double*)>& at) {
-    const int parts = !m_.forced() && resting(from, at) ? 2 : samples;
-    std::vector<double> times;
-    for (int k = 0; k <= parts; ++k) times.push_back(from + (to - from) * k / parts);
-    times.back() = to;
-    std::vector<std::vector<double>> u;
-    for (const double t : times) {
-      u.emplace_back(m_.size());
-      at(t, u.back().data());
+    StickState middle{from, std::vector<double>(m_.size()), {}, {}, 0};  // directions are the same throughout
+    at(from + (to - from) / 2, middle.u.data());
+    m_.decide(middle);
+    const bool rests = m_.all_rest(middle) && !m_.forced();
+    const int parts = rests ? 2 : samples;
+    std::vector<double> all;
+    for (int k = 0; k <= parts; ++k) all.push_back(from + (to - from) * k / parts);
+    all.back() = to;
+    std::vector<double> u(m_.size()), f(m_.size());
+    const auto slopes_at = [&](double t) {
+      at(t, u.data());
+      m_.rates(middle.direction, u.data(), f.data());
+      return slopes(t, f.data());
+    };
+    std::vector<double> before, behind;
+    for (int k = 0; k <= parts && !rests; ++k) {
+      behind = slopes_at(all[k]);
+      for (std::size_t i = 0; k > 0 && i < behind.size(); ++i)
+        if (before[i] * behind[i] < 0)
+          all.push_back(find_root([&](double t) { return slopes_at(t)[i]; },
+                                  {all[k - 1], before[i], all[k], behind[i]}, 1e-7 * (to - from)));
+      before.swap(behind);
     }
-    std::vector<double> all(times);
-    for (int function = 0; parts == samples && function <= m_.nodes(); ++function)
-      for (int k = 1; k < parts; ++k) {
-        const double here = value(function, u[k].data()), before = value(function, u[k - 1].data());
-        const double behind = value(function, u[k + 1].data());
-        if ((here - before) * (behind - here) >= 0) continue;
-        const double sign = here > before ? -1 : 1;
-        std::vector<double> there(m_.size());
-        all.push_back(find_least(
-                          [&](double t) {
-                            at(t, there.data());
-                            return sign * value(function, there.data());
-                          },
-                          times[k - 1], times[k + 1], 1e-6 * (to - from), [](double) { return false; })
-                          .x);
-      }
     std::sort(all.begin(), all.end());
     for (const double t : all) {
       if (!cycle_.times.empty() && t <= cycle_.times.back()) continue;
@@ -53,18 +52,17 @@ class Sampling {
   }
 
  private:
-  bool resting(double from, const std::function<void(double, double*)>& at) const {
-    std::vector<double> u(m_.size()), f(m_.size());
-    at(from, u.data());
-    StickState p{from, u, {}, {}, 0};
-    m_.decide(p);
-    return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
-  }
-  double value(int function, const double* u) const {
-    if (function < m_.nodes()) return u[function * m_.dof()];
+  // Of psi of each node that is not held and of the mean force of their springs, from rates at t.
+  std::vector<double> slopes(double t, const double* f) const {
+    std::vector<double> all;
     double sum = 0;
-    for (int i = 0; i < m_.nodes(); ++i) sum += u[i * m_.dof() + 1];
-    return sum / m_.nodes();
+    for (int i = 0; i < m_.nodes(); ++i) {
+      if (m_.held(i)) continue;
+      all.push_back(f[i * m_.dof()]);
+      sum += f[i * m_.dof() + 1];
+    }
+    all.push_back(sum / double(all.size()) - m_.scene().K0() * m_.scene().push_velocity(t));
+    return all;
   }
 
   const StickMotion& m_;
@@ -112,6 +110,9 @@ void set_error(const StickMotion& m, const StickCycle& from, const StickReturnMa
   for (const std::size_t k : moving_unknowns(m))
     c.error_estimate = std::max(c.error_estimate, std::abs(rough.at.u[k] - from.start[k]) /
                                                       (m.scale(k) + std::abs(from.start[k])));
+  double held = 1;  // of an error of the start, by one period
+  for (const std::complex<double>& multiplier : c.multipliers) held = std::min(held, std::abs(1. - multiplier));
+  c.error_estimate /= held;
 }
 
 }  // namespace

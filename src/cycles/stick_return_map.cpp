@@ -236,20 +236,25 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
     set_free_values(m, x, c);
     MapAt map = map_at(m, c);
     std::vector<double> change(x);  // (DP - 1) change = x - P(x)
+    double missed = 0, largest = 0;
+    const auto relative = [&](std::size_t i) {
+      return std::abs(change[i]) / (m.scale(free[i]) + std::abs(x[i]));
+    };
     for (int i = 0; i < n; ++i) {
       change[i] -= map.image[i];
+      missed = std::max(missed, relative(i));
       map.slopes[i * n + i] -= 1;
     }
     if (!solve_dense(n, map.slopes.data(), 1, change.data()))
       throw Failure("exact stick: the return map is singular");
-    double largest = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       x[i] += change[i];
-      largest = std::max(largest, std::abs(change[i]) / (m.scale(free[i]) + std::abs(x[i])));
+      largest = std::max(largest, relative(i));
     }
     if (!std::isfinite(largest) || iteration > 30)
       throw Failure("exact stick: Newton's method on the return map fails");
-    if (largest < settled || (largest < 1e-9 && largest >= last)) break;
+    // what hardly comes back (a multiplier near 1) is known to round-off of the map, not of the start
+    if (largest < settled || (largest >= last && (missed < settled || largest < 1e-9))) break;
     last = largest;
   }
   set_free_values(m, x, c);

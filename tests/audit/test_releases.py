@@ -68,10 +68,11 @@ class Block:
 
     def slips(self, eta, s, end):
         """(begin, end, side) of each slip; s: the state, if there is one."""
-        t, found, eta = 0., [], float(eta)
+        t, found, eta, self.rests = 0., [], float(eta), []
         while t < end:
             excess, state, elastic = self.resting(t, eta, s)
             released = self.release(excess, t, end)
+            self.rests.append((t, released[0] if released else end, elastic))
             if not released:
                 break
             t0, side = released
@@ -152,6 +153,52 @@ def test_shaken_blocks(scenes):
         total += len(ended)
     print(total, "slips")
     assert total > 10
+
+
+def draw_for_exponents(random):
+    """The same on stiffer springs, which what it slips tells, without a state; from rest to rest."""
+    while True:
+        p, start, _ = draw(random)
+        if p["friction_law"] == "slip-weakening" or "state_law" in p:
+            continue
+        p |= {"model_k0": 10**random.uniform(-0.5, 0.7), "friction_back_slip": "true"}
+        if "load_sine_period" in p:  # as far as before
+            p["load_sine_amplitude"] *= 0.1 / p["model_k0"] * random.uniform(1, 3)
+        return p, start
+
+
+def test_exponents_of_shaken_blocks(scenes):
+    """How a deviation of the force shrinks from one rest to a later one, against differences of the motion."""
+    compared = slips = 0
+    for index, (p, start) in scenes(draw_for_exponents, salt=93, short=3):
+        block, end, apart, moved = Block(p), start["ts_max_time"], (-4e-6, -1e-6, 1e-6, 4e-6), []
+        try:
+            for by in apart:
+                count = len(block.slips(start["init_eta"] + by, 0., end))
+                moved.append(block.rests)
+        except AssertionError:
+            print(index, "it turns without a rest")
+            continue
+        if len({len(rests) for rests in moved}) > 1 or len(moved[0]) < 3 or moved[0][-1][1] < end:
+            print(index, "it slips too seldom, does not end at rest, or slips more often beside it")
+            continue
+        # late in a rest: growth counts evenly over a step, with that of the stop before it
+        since, until = max(rests[1][0] for rests in moved), min(rests[1][1] for rests in moved)
+        begin = until - 1e-5 * (until - since)
+        first, last = ([rests[k][2](t) for rests in moved] for k, t in ((1, begin), (-1, end)))
+        wide, narrow = (np.log((last[-k - 1] - last[k]) / (first[-k - 1] - first[k])) for k in (0, 1))
+        if not abs(wide - narrow) < 1e-4 * abs(narrow) + 1e-5:
+            print(index, "it grazes its threshold")
+            continue
+        calls.run(words(p | start) + ["-ts_rtol", 1e-9, "-ts_atol", 1e-12, "-lyapunov_count", 1, "-lyapunov_from", repr(begin),
+                                      "-out_file", "l.h5"])
+        rows = calls.data("l.h5")  # the summary weighs them, the middle of the time most
+        found = np.sum(rows["lyapunov/rate_1"] * np.diff(np.concatenate([[begin], rows["lyapunov/t"]])))
+        assert abs(found - narrow) < 1e-3 * abs(narrow) + 1e-4, f"scene {index} {words(p | start)}: {found} for {narrow}"
+        compared += 1
+        slips += count
+    print(compared, "exponents of", slips, "slips")
+    assert compared > 0
 
 
 def draw_chain(random):

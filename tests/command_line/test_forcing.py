@@ -121,6 +121,23 @@ def test_a_cycle_that_rests(tmp_path, monkeypatch, more):
     check(np.abs(read(data("r.h5"), -1) - start).max() < 1e-6, "the stroboscope of `run`, five cycles later")
 
 
+@pytest.mark.parametrize("k0", (1e-3, 0.03, 1))
+def test_a_block_that_a_force_only_just_moves(k0):
+    """Friction 1 that does not drop: on a soft spring psi = p [cos(a) - cos(w t)]/w - (t - a/w) from w t = a on, where p sin(a) = 1. What
+    deviates hardly comes back on it, its multiplier is 1 but for k0, and Newton's step the larger for that."""
+    for margin in (1e-3, 1e-2, 0.1):
+        p, w = 1 + margin, 2 * np.pi
+        a = np.arcsin(1 / p)
+        top = (2 * p * np.cos(a) - (np.pi - 2 * a)) / w
+        found, _ = run(f"-model_form chain -grid_n 1 -bc_left free -friction_law coulomb -friction_fd 1 -model_v 0 -model_k0 {k0} -init_psi 0 "
+                       f"-init_eta 0 -load_force_sine_amplitude {p!r} -load_force_sine_period 1", command="cycle")
+        # the spring's share of the force while it slips, k0/w^2, and how well the start is known, since psi goes like margin^1.5
+        allowed = 2 * k0 / w**2 + 5 * found["error_estimate"] / margin
+        for side in (found["psi_max"], -found["psi_min"]):
+            check(abs(side / top - 1) < allowed, f"{k0} {p}: {side}, {top}")
+        check(found["period"] == 1 and found["stable_alike"] and found["multipliers"][0]["re"] < 1, f"{k0} {p}: {found['multipliers']}")
+
+
 # sliding beside its boundary v = 1, shaken at twice its own frequency: the damping's sine opens a band of parametric resonance
 DOUBLING = f"{CHAIN}-model_k0 0.2 -model_v 1.05 -init_psi 1.05 -init_eta -0.66 -load_sine_period 7 "
 BOUNDARY = "-boundary_parameter load_sine_amplitude -boundary_from 0 -boundary_to 0.6 "
