@@ -155,10 +155,6 @@ std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
 }
 
 void check_cycle_options(const Options& options, const Scene& cell) {
-  if (cell.massless() && options.boolean("cycle_spectrum"))
-    throw UsageError(
-        "-model_m 0: waves on a cycle (cycle_spectrum) are looked at with mass; take a ring of several "
-        "blocks (cycle_cell), whose multipliers say what its waves do, or a small model_m");
   if (!cell.friction.sticks()) {
     check_smooth_cell(cell);
   } else {

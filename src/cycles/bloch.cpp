@@ -48,10 +48,7 @@ class Waves {
   }
   // By how much ln(multiplier) changes with k, or so: what travels does so at the speed of sound, while it is
   // not at rest.
-  double turning() const {
-    const double speed = std::sqrt(scene_.A() * scene_.K1());
-    return speed * period() * std::max(1 - cycle_.rest_fraction, 0.1);
-  }
+  double turning() const { return map_.speed * period() * std::max(1 - cycle_.rest_fraction, 0.1); }
   // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2
   // or in k.
   double diffusion() const {
@@ -171,7 +168,8 @@ BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   return bloch_spectrum(
       cycle.cycle, cycle.field->scene(),
       {[&](double kappa2) { return deviations.of_wave(kappa2); },
-       [&](double theta) { return deviations.of_phase(theta); }, growth_of_short_waves(cycle, deviations)},
+       [&](double theta) { return deviations.of_phase(theta); }, growth_of_short_waves(cycle, deviations),
+       deviations.mean_speed()},
       wavenumbers);
 }
 
@@ -180,7 +178,8 @@ BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const
   StickDeviations deviations(cell, cycle);
   return bloch_spectrum(course, cell,
                         {[&](double kappa2) { return deviations.of_wave(kappa2); },
-                         [&](double theta) { return deviations.of_phase(theta); }, std::nan("")},
+                         [&](double theta) { return deviations.of_phase(theta); }, std::nan(""),
+                         std::sqrt(cell.A() * cell.K1())},
                         wavenumbers);
 }
 

@@ -244,12 +244,48 @@ LowRankCoupling CellField::feed() const {
   LowRankCoupling feed;
   for (const std::size_t k : nodes_at_ends(row_)) {
     std::vector<double> into(dim());
-    into[k * std::size_t(dof_)] = by_d2_.psi_psi;
-    into[k * std::size_t(dof_) + 1] = by_d2_.eta_psi;
+    const std::size_t first = k * std::size_t(width());
+    if (!massless_) into[first] = by_d2_.psi_psi;
+    into[first + (massless_ ? 0 : 1)] = by_d2_.eta_psi;
     feed.into.push_back(std::move(into));
-    feed.of.push_back(k * std::size_t(dof_));
+    feed.of.push_back(first);
   }
+  if (massless_) feed.width = std::size_t(width());
   return feed;
+}
+
+std::vector<double> CellField::feed_slopes(const double* y) const {
+  std::vector<double> by;
+  for (const std::size_t k : massless_ ? nodes_at_ends(row_) : std::vector<std::size_t>()) {
+    const auto [by_eta, by_state] = massless(k).slopes(psi(y, k), dof_ == 3 ? y[k * width() + 1] : 0);
+    by.push_back(by_eta);
+    if (dof_ == 3) by.push_back(by_state);
+  }
+  return by;
+}
+
+double CellField::fastest(double kappa2) const {
+  const double stiffness = scene_.K0() + scene_.K1() * kappa2;
+  if (massless_) return std::abs(stiffness);
+  const double decay = scene_.A() * scene_.N() * std::abs(kappa2);  // by viscosity between neighbours
+  return std::max(decay, std::sqrt(std::max(0., scene_.A() * stiffness)));
+}
+
+double CellField::reach(double h, const std::vector<double>& slopes) const {
+  double most = massless_ ? 0 : 1;
+  for (std::size_t k = 0; k < slopes.size(); k += std::size_t(width())) most = std::max(most, slopes[k]);
+  return most * h;
+}
+
+// Without mass a deviation obeys lambda^2 + c1 lambda + c0 = 0 with c0 = K r dpsi/deta (linear_point.hpp).
+double CellField::speed(const double* y) const {
+  if (!massless_) return std::sqrt(scene_.A() * scene_.K1());
+  double most = 0;
+  for (std::size_t k = 0; k < node_.size() && dof_ == 3; ++k) {
+    const double velocity = psi(y, k), state = y[k * 2 + 1];
+    most = std::max(most, -massless(k).slopes(velocity, state).by_eta * rate_at(k, velocity, state).g_state);
+  }
+  return std::sqrt(scene_.K1() * most);
 }
 
 std::vector<double> CellField::weights_of_wave(double kappa2) const { return {-kappa2}; }

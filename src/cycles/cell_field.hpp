@@ -67,6 +67,13 @@ class CellField : public VectorField {
   // What the copies of the cell beside it feed into its rates. Of one node alone a wave exp(ikx) adds kappa^2
   // to -D2; of a ring's cell the neighbours across its ends are exp(i theta) times as large.
   LowRankCoupling feed() const;
+  // Of those nodes how psi changes with eta and the state at y, without mass; else nothing.
+  std::vector<double> feed_slopes(const double* y) const;
+  // A wave turns or decays in a step by its rate fastest() times how far the step reaches: its length, or
+  // without mass, where rates go with the motion, its length times the largest dpsi/deta of `slopes`.
+  double fastest(double kappa2) const;
+  double reach(double h, const std::vector<double>& slopes) const;
+  double speed(const double* y) const;  // of waves at y
   std::vector<double> weights_of_wave(double kappa2) const;
   std::vector<std::complex<double>> weights_of_phase(double theta) const;
 

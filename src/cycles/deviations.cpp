@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "stickslip/numerics/periodic_equations.hpp"
 
@@ -45,16 +46,29 @@ Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.
   const size_t d = size_t(field_.dim());
   for (const StepJacobian& piece : pieces_)
     for (size_t j = 0; j < mesh_stages; ++j)
-      mean_damping_ -= piece.h * piece.method().b[j] * (piece.J[j * d * d] + piece.J[j * d * d + d + 1]) /
-                       cycle.cycle.period;
+      mean_damping_ -= piece.h * piece.method().b[j] *
+                       (piece.J[j * d * d] + (d > 1 ? piece.J[j * d * d + d + 1] : 0)) / cycle.cycle.period;
+}
+
+double Deviations::mean_speed() const {
+  const Collocation& gauss = Collocation::gauss5();
+  std::vector<double> y(size_t(field_.dim()));
+  double sum = 0;
+  for (size_t i = 0; i + 1 < mesh_.size(); ++i)
+    for (size_t j = 0; j < mesh_stages; ++j) {
+      const double width = mesh_[i + 1] - mesh_[i], at = mesh_[i] + width * gauss.c[j];
+      evaluate(gauss, cycle_.mesh, cycle_.values.data(), field_.dim(), at, y.data());
+      sum += width * gauss.b[j] * field_.speed(y.data());
+    }
+  return sum;
 }
 
 void Deviations::carry_on(const std::vector<double>& mesh) {
   mesh_ = mesh;
-  longest_ = 0;
-  for (size_t i = 0; i + 1 < mesh_.size(); ++i)
-    longest_ = std::max(longest_, (mesh_[i + 1] - mesh_[i]) * cycle_.cycle.period);
+  longest_ = std::numeric_limits<double>::infinity();
   pieces_ = pieces(0);
+  longest_ = 0;
+  for (const StepJacobian& piece : pieces_) longest_ = std::max(longest_, piece.reach);
   std::vector<double> matrices;
   for (const StepJacobian& piece : pieces_) {
     std::vector<double> J(piece.J);  // in units of the unknowns, whose multipliers are the same
@@ -72,16 +86,20 @@ std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
   const size_t dd = size_t(d) * size_t(d);
   std::vector<double> y(static_cast<size_t>(d));
   const auto sample = [&](const Collocation& method, double begin, double phase, StepJacobian& piece) {
+    piece.by.clear();
     for (size_t j = 0; j < mesh_stages; ++j) {
       const double at = begin + phase * method.c[j];
       evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, at, y.data());
       field_.jacobian_at(at, y.data(), &piece.J[j * dd]);
+      const std::vector<double> by = field_.feed_slopes(y.data());
+      piece.by.insert(piece.by.end(), by.begin(), by.end());
     }
   };
   // over [begin, begin + phase]; the rate of the fastest decay
   const auto piece_of = [&](double begin, double phase, double& decay) {
     StepJacobian piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
     sample(Collocation::gauss5(), begin, phase, piece);
+    piece.reach = field_.reach(piece.h, piece.by);
     decay = 0;
     for (size_t j = 0; j < mesh_stages; ++j)
       for (size_t a = 0; a < size_t(d); ++a) decay = std::max(decay, -piece.J[j * dd + a * size_t(d + 1)]);
@@ -97,7 +115,7 @@ std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
     const double width = mesh_[i + 1] - mesh_[i];
     StepJacobian whole = piece_of(mesh_[i], width, decay);
     const int by_decay = decay * whole.h > decay_of_step ? 1 : 0;
-    const double by_length = std::log2(std::max(1., whole.h / longest * (1 - 1e-12)));
+    const double by_length = std::log2(std::max(1., whole.reach / longest * (1 - 1e-12)));
     const int count = 1 << std::max(int(std::ceil(by_length)), by_decay);
     if (count == 1) all.push_back(std::move(whole));
     for (int k = 0; k < count && count > 1; ++k)
@@ -109,17 +127,16 @@ std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
 const std::vector<IntervalPropagator>& Deviations::links(int halvings) {
   const auto [at, is_new] = links_.try_emplace(halvings);
   if (!is_new) return at->second;
-  const LowRankCoupling feed = field_.feed();
-  for (const StepJacobian& piece : halvings == 0 ? pieces_ : pieces(halvings))
+  LowRankCoupling feed = field_.feed();
+  for (const StepJacobian& piece : halvings == 0 ? pieces_ : pieces(halvings)) {
+    feed.by = piece.by;
     at->second.emplace_back(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data(), feed);
+  }
   return at->second;
 }
 
 Multipliers Deviations::of_wave(double kappa2) {
-  const Scene& scene = field_.scene();
-  const double decay = scene.A() * scene.N() * std::abs(kappa2);  // by viscosity between neighbours
-  const double turn =
-      std::max(decay, std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2)))) * longest_;
+  const double turn = field_.fastest(kappa2) * longest_;
   const int halvings = std::max(0, int(std::ceil(std::log2(turn / turn_of_step))));
   return multipliers_of(field_.dim(), links(halvings), field_.weights_of_wave(kappa2));
 }

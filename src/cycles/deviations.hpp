@@ -26,18 +26,21 @@ class Deviations {
   std::vector<std::complex<double>> of_phase(double theta);
   // of -trace J over psi and eta, over the period; one node
   double mean_damping() const { return mean_damping_; }
+  // At which deviations travel, over the period; without mass as fast as the state follows psi.
+  double mean_speed() const;
 
  private:
-  // One step: its length and the Jacobian at its points.
+  // One step: its length, the Jacobian at its points, and there CellField::feed_slopes.
   struct StepJacobian {
     double h;
     bool stiff;
-    std::vector<double> J;
+    std::vector<double> J, by = {};
+    double reach = 0;  // CellField::reach
     const Collocation& method() const { return stiff ? Collocation::radau5() : Collocation::gauss5(); }
   };
   // Carries deviations round on the steps of `mesh`.
   void carry_on(const std::vector<double>& mesh);
-  // On steps of at most the longest of the mesh over 2^halvings.
+  // On steps that reach no further than the longest of the mesh over 2^halvings.
   std::vector<StepJacobian> pieces(int halvings) const;
   const std::vector<IntervalPropagator>& links(int halvings);
 
@@ -47,7 +50,7 @@ class Deviations {
   std::vector<std::complex<double>> multipliers_;
   std::vector<StepJacobian> pieces_;  // without halvings
   std::map<int, std::vector<IntervalPropagator>> links_;
-  double longest_ = 0, mean_damping_ = 0;  // step
+  double longest_ = 0, mean_damping_ = 0;  // reach of a step
 };
 
 // Fills in the multipliers of a cycle and which of them is the phase mode's: the nearest to 1.

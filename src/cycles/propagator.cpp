@@ -31,11 +31,13 @@ IntervalPropagator::IntervalPropagator(const Collocation& method, int d, int ban
     }
   }
   for (size_t b = 0; b < r_; ++b)
-    for (size_t j = 0; j < s; ++j) {
-      const double* row = &R[(j * d_ + feed.of[b]) * columns];
-      std::copy(row, row + d_, &psi_[(b * s + j) * d_]);
-      std::copy(row + d_, row + columns, &psi_of_u_[(b * s + j) * fed]);
-    }
+    for (size_t j = 0; j < s; ++j)
+      for (size_t m = 0; m < feed.width; ++m) {
+        const double by = feed.by.empty() ? 1 : feed.by[(j * r_ + b) * feed.width + m];
+        const double* row = &R[(j * d_ + feed.of[b] + m) * columns];
+        for (size_t l = 0; l < d_; ++l) psi_[(b * s + j) * d_ + l] += by * row[l];
+        for (size_t l = 0; l < fed; ++l) psi_of_u_[(b * s + j) * fed + l] += by * row[d_ + l];
+      }
 }
 
 IntervalPropagator::IntervalPropagator(int d, std::vector<double> matrix, const LowRankCoupling& feed)

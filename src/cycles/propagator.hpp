@@ -15,10 +15,13 @@
 namespace stickslip {
 
 // u_a, each as long as the unknowns, and the places of psi_b among them; as many of the one as of the other,
-// r.
+// r. Where psi is no unknown it is a sum over `width` of them from there on, whose factors go with the
+// motion: `by` has those of every b at each point of a step in turn.
 struct LowRankCoupling {
-  std::vector<std::vector<double>> into;
-  std::vector<std::size_t> of;
+  std::vector<std::vector<double>> into = {};
+  std::vector<std::size_t> of = {};
+  std::size_t width = 1;
+  std::vector<double> by = {};  // empty: psi_b is the unknown
 };
 
 class IntervalPropagator {

@@ -300,6 +300,52 @@ def test_cycles_against_scipy(scenes):
               f"{index}: {found['multipliers']}")
 
 
+def of_wave(p, y, period, kappa2):
+    """Multipliers of a wave on the uniform motion that begins at (psi, stored state) y: its deviation of (eta, state) carried along."""
+    system = System(p | {"grid_n": 1, "bc_left": "free", "cycle_cell": 0})
+    law, K0, B = system.law, system.K0, system.B
+    K = K0 + p["model_k1"] / p.get("model_f0", 1) * kappa2
+
+    def rates(t, y):
+        side = np.sign(p["model_v"])
+        psi, s, Y = side * np.exp(y[:1]), y[1:2], y[2:].reshape(2, 2)
+        by_psi, by_state, g_psi, g_s = (float(x[0]) for x in law.slopes(psi, s))
+        g, mobility = float(law.rate(psi, s)[0]), 1 / (B + by_psi)
+        J = np.array([[-K * mobility, K * mobility * by_state], [g_psi * mobility, g_s - g_psi * mobility * by_state]])
+        return np.concatenate([[(K0 * (p["model_v"] - psi[0]) - by_state * g) * mobility / psi[0], g], (J @ Y).ravel()])
+    start = np.concatenate([[np.log(abs(y[0])), y[1]], np.eye(2).ravel()])
+    end = solve_ivp(rates, (0, period), start, method="LSODA", rtol=1e-11, atol=1e-13).y[:, -1]
+    check(np.abs(end[:2] - start[:2]).max() < 1e-5, f"the motion misses itself by {end[:2] - start[:2]}")
+    return np.linalg.eigvals(end[2:].reshape(2, 2))
+
+
+def waves_of(p):
+    found, _ = run(words(p | {"cycle_spectrum": "true", "cycle_wavenumbers": 8}) + ["-out_file", "w.h5"], command="cycle")
+    file = data("w.h5")
+    return found, file, file["spectrum/wavenumber"], file["spectrum/multiplier_re"] + 1j * file["spectrum/multiplier_im"]
+
+
+def test_waves_on_cycles(scenes):
+    """Of one node against SciPy; of a cell of two as of one, whose waves it has twice over."""
+    for index, drawn in scenes(drawn_oscillation, 67, short=3):
+        p = {name: value for name, value in drawn.items() if name != "bc_left"}
+        p |= {"grid_n": 8, "cycle_cell": 1, "model_k1": p["model_k0"] * 10**np.random.default_rng(index).uniform(-1, 1.5)}
+        found, file, k, waves = waves_of(p)
+        state = np.log(file["theta"][0, 0])
+        for at in (0, 3, 7):
+            exact = of_wave(p, (file["psi"][0, 0], state), found["period"], 4 * np.sin(k[at] / 2)**2)
+            for one in exact:
+                off = np.abs(waves[at] - one).min()
+                check(off < 1e-6 * max(1, abs(one)), f"{index}: {words(p)}: wave {k[at]}: {waves[at]}, SciPy {exact}")
+        _, _, k2, pair = waves_of(p | {"cycle_cell": 2})
+        for at in (1, 7):
+            both = np.concatenate([of_wave(p, (file["psi"][0, 0], state), found["period"], 4 * np.sin(x / 2)**2)
+                                   for x in (k2[at], k2[at] - np.pi)])
+            for one in both:
+                off = np.abs(pair[at] - one).min()
+                check(off < 1e-5 * max(1, abs(one)), f"{index}: {words(p)}: in a cell of two {k2[at]}: {pair[at]}, SciPy {both}")
+
+
 def test_multipliers_by_the_trace():
     """Of one block the product of both multipliers is exp of the integral of the trace; and those of a small mass tend to them."""
     p = {"model_form": "chain", "model_m": 0, "grid_n": 1, "bc_left": "free", "model_k0": 0.3, "model_zeta": 0.05, "model_v": 1, "friction_law":
@@ -338,7 +384,5 @@ def test_branches_without_mass():
     found, _ = run(words(p | {"cycle_continue": "model_zeta", "cycle_to": 0.3}), command="cycle")
     hopf = [point["value"] for point in found["special"] if point["kind"] == "hopf"]
     check(len(hopf) == 1 and abs(hopf[0] - 0.2) < 1e-6, f"{found['special']}, {found['branch']['end']}")
-    waves = p | {"cycle_spectrum": "true", "model_k1": 1, "grid_n": 4, "bc_left": "periodic"}
-    refused(words(waves), 2, "cycle_spectrum", "model_m", command="cycle")
     refused("-model_form chain -model_m 0 -model_zeta 2 -friction_law stribeck -friction_stick regularised -friction_eps 1 "
             "-state_law healing", 2, "model_m", "rate-and-state", command="cycle")

@@ -48,11 +48,11 @@ struct BlochSpectrum {
 
 // How waves are carried round a cycle: their multipliers, largest first. Of one node: exp(ikx) with kappa2 =
 // kappa^2(k), where `short_waves` is the growth rate that they tend to in the continuum; of several: what is
-// exp(i theta) times as large in the next cell.
+// exp(i theta) times as large in the next cell. `speed`: of waves, about, in the mean over the cycle.
 struct WaveMap {
   std::function<std::vector<std::complex<double>>(double kappa2)> of_wave;
   std::function<std::vector<std::complex<double>>(double theta)> of_phase;
-  double short_waves = 0;
+  double short_waves = 0, speed = 0;
 };
 
 // Of the waves on the cycle of a cell, `wavenumbers` of which are listed. Throws UsageError where the cell is
