@@ -371,7 +371,8 @@ TEST_CASE("no pair of frictions lets a block go with more than what held it") {
     FrictionParameters table, drops;
     table.law = Law("table");
     table.curve = {{0, pairs[k].first}, {0.3, pairs[k].second}, {1, pairs[k].second / 2}};
-    if (k % 2) table.curve.insert(table.curve.begin(), {{-1, -pairs[k].second / 3}, {-0.2, -pairs[k].second}});
+    if (k % 2)
+      table.curve.insert(table.curve.begin(), {{-1, -pairs[k].second / 3}, {-0.2, -pairs[k].second}});
     drops.law = Law("carlson-langer");
     drops.values["friction_sigma"] = pairs[k].second / 2;
     for (const FrictionParameters& p : {table, drops})

@@ -111,7 +111,7 @@ void set_error(const StickMotion& m, const StickCycle& from, const StickReturnMa
     c.error_estimate = std::max(c.error_estimate, std::abs(rough.at.u[k] - from.start[k]) /
                                                       (m.scale(k) + std::abs(from.start[k])));
   double held = 1;  // of an error of the start, by one period
-  for (const std::complex<double>& multiplier : c.multipliers) held = std::min(held, std::abs(1. - multiplier));
+  for (const std::complex<double>& one : c.multipliers) held = std::min(held, std::abs(1. - one));
   c.error_estimate /= held;
 }
 

@@ -427,7 +427,8 @@ void Events::step(double t, Vec u, int dof, const std::function<Vec()>& middle) 
   impl_->now.resize(dof);
   for (std::vector<double>& field : impl_->now) field.resize(impl_->n);
   Fields& now = impl_->now;
-  event_loops::separate({Reading(u), now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
+  event_loops::separate(
+      {Reading(u), now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
   impl_->advance(t, middle);
 }
 
