@@ -93,11 +93,46 @@ void fit_normal_load(Choice& choice, const std::string& name) {
   choice.fused = false;
 }
 
-// Without mass what is fast is how short deviations die away, where their blocks slide.
+// How often a deviation of eta dies away, by a factor of e each time, while the state recovers from a slip.
+// Where friction that bends at rest (asinh) has been lost in the slip, all the way down to the bend, psi is
+// back at v at once, against B alone, and the state takes until it has slipped by D at that velocity or has
+// aged: at each of its values on the way deviations die away at (K0 + K1 kappa^2)/(B + F_psi), and explicit
+// steps are no longer than about three of these times. At most so often: in the slip B psi takes over all
+// that friction loses. Collective.
+double deaths_in_recovery(const Model& model) {
+  const Scene& s = model.scene();
+  const double B = s.B();
+  if (!model.friction_law(0).steep || model.dof() != 3 || s.v == 0 || !(B > 0)) return 0;
+  const PetscInt places = s.friction.varies() ? model.local() : std::min<PetscInt>(model.local(), 1);
+  double most = 0;
+  for (PetscInt i = 0; i < places; ++i) {
+    const double creeping = model.steady_state(i, s.v);
+    const Partials before = model.friction(i, s.v, creeping);
+    double slip = before.F / B;
+    for (int round = 0; round < 50; ++round)
+      slip = (before.F - model.friction(i, slip, model.steady_state(i, slip)).F) / B;
+    if (!(slip / s.v > 1)) continue;
+    constexpr int parts = 200;  // of the way of ln of the state, up to a factor of e
+    const double from = model.steady_state(i, slip), part = (creeping - 1 - from) / parts;
+    double deaths = 0;
+    for (int k = 0; k < parts && part > 0; ++k) {
+      const double state = from + (k + 0.5) * part, rate = model.state_rate(i, s.v, state).g;
+      if (rate > 0) deaths += part / rate * (B + before.F_psi) / (B + model.friction(i, s.v, state).F_psi);
+    }
+    most = std::max(most, deaths);
+  }
+  return largest_over(model.comm(), most) * model.wave_frequency();
+}
+
+// Without mass what is fast is how short deviations die away, where their blocks slide. It is stiff where
+// that is much faster than the slowest of them, or goes on for long after a slip: from 1e4 times on the
+// explicit pair takes more evaluations than the implicit ones of a whole cycle.
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
-  const double relaxation = model.wave_frequency(), slowest = s.K0() / (s.K0() + 4 * s.K1());
-  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400, scales_of(s).rate};
+  const double relaxation = model.wave_frequency(), slowest = own_frequency(s);
+  const bool spreads = slowest > 0 && slowest < relaxation / 2400;
+  return {relaxation, model.friction_rate(u), false, spreads || deaths_in_recovery(model) > 1e4,
+          scales_of(s).rate};
 }
 
 // The entry of the tableau that the TS will have, of a type that is implicit.

@@ -244,6 +244,20 @@ def test_laboratory_sliders_run_to_their_end():
     check(s["status"] == "done", f"{s['status']}")
 
 
+def test_friction_that_a_slip_loses():
+    """15 of its e-folds take friction all, (b - a) 17 > mu0, and under the slip law it comes back only as the block creeps over D at v,
+    with psi held by zeta alone: deviations die away at k0/zeta = 2000 a second meanwhile, for 1500 s. Explicit steps of three such
+    times would be a million; the ageing law heals at once. The period: SciPy's Radau in ln psi and ln theta."""
+    slider = ("-model_form chain -grid_n 1 -bc_left free -model_m 0 -model_k0 1e10 -model_f0 4e7 -model_zeta 5e6 -model_v 6e-8 "
+              "-friction_law rate-and-state -friction_a 0.013 -friction_b 0.07 -friction_D 9e-5 -friction_mu0 0.6 -friction_psi0 6e-8 "
+              "-init_psi 6.1e-8 -init_state 1500 -init_eta steady -ts_max_time 4e5 ")
+    for more, method in (("-state_law slip", "arkimex:4"), ("-state_law slip -model_v -6e-8 -init_psi -6.1e-8", "arkimex:4"),
+                         ("-state_law ageing", "rk:5dp")):
+        s, _ = run(slider + more)
+        check(s["status"] == "done" and s["method"] == method and s["steps"] < 1e4, f"{more}: {s['method']}, {s['steps']}")
+        check("ageing" in more or abs(s["period"] / 48209.3056 - 1) < 1e-5, f"{more}: {s['period']}")
+
+
 def drawn_oscillation(rng):
     """A chain of one or two blocks on springs below the critical stiffness, K = (v/D) [(b - a)/v - zeta/f0], both state laws, both signs."""
     n, a, sign, law = int(rng.integers(1, 3)), 10**rng.uniform(-3, -1), rng.choice([-1, 1]), rng.choice(["ageing", "slip"])
