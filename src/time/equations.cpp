@@ -202,11 +202,20 @@ void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
   if (implicit_ == Implicit::wave || implicit_ == Implicit::none) {
     SS_TRY(SNESSetType(snes, SNESKSPONLY));
   } else {
-    shares_jacobian_ = kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
+    shares_jacobian_ = shares_jacobian(ts, kind, prefix);
     set_newton(snes, prefix);
   }
   SS_TRY(SNESGetKSP(snes, &ksp));
   set_linear_solver(ksp);
+}
+
+// Of a Rosenbrock method too, which has PETSc hold on to it over a step that is tried again, with the shift of
+// the length that failed.
+bool Equations::shares_jacobian(TS ts, MethodKind kind, const std::string& prefix) {
+  TSType type;
+  SS_TRY(TSGetType(ts, &type));
+  if (type == std::string(TSROSW)) return !user_set(prefix, "ts_rosw_recompute_jacobian");
+  return kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
 }
 
 void Equations::set_newton(SNES snes, const std::string& prefix) {

@@ -39,6 +39,7 @@ class Equations {
   void search(SNESLineSearch search) const;
   double size_of(Vec residual) const;
   double largest_miss(Vec u, Vec residual) const;
+  static bool shares_jacobian(TS ts, MethodKind kind, const std::string& prefix);
   void set_newton(SNES snes, const std::string& prefix);
   void set_linear_solver(KSP ksp) const;
   Part explicit_part() const;

@@ -32,6 +32,7 @@ struct Integrator::Impl {
   double floor = 0;           // ts_adapt_dt_min
   bool clock_limits = false;  // and no step of its own is shorter than the round-off of the time
   int steps_at_floor = 0;     // one after the other
+  std::int64_t rejections_before = 0;  // at the beginning of the step
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
   ShorterStep shorter;                 // in place of polynomials where these mean nothing
@@ -85,6 +86,7 @@ struct Integrator::Impl {
   void narrow_errors();
   void set_floor() const;
   void after_step();
+  bool reaches_balance(const Step& step) const;
   void check_floor(const Step& step);
   Step step_now();
   bool output_due(double until);

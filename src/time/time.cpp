@@ -8,6 +8,7 @@
 
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
+#include "time/at_once.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {
@@ -47,14 +48,17 @@ PetscErrorCode Integrator::Impl::PostStep(TS ts) {
 // ---- one step
 // ---------------------------------------------------------------------------------------------------
 
-// Without mass psi follows from eta and the state. Where friction is steep it goes by their exponential,
-//     d ln psi = (d eta - F_s ds)/(psi (B + F_psi)),
-// and an error that is small beside eta may be any number of decades of psi: errors of eta and the state are
-// judged by what they make of psi, of which each may be rtol. psi F_psi of a logarithm is the same at every
-// psi; where it bends at rest, below the plate's velocity, that is what is taken.
+// Where friction is steep it goes by ln psi, and psi far below its scale may be off by decades. What errors may
+// be is said anew for each step there:
+// - Without mass psi follows from eta and the state, d ln psi = (d eta - F_s ds)/(psi (B + F_psi)): errors of
+//   both are judged by what they make of ln psi, of which each may be rtol. psi F_psi of a logarithm is the
+//   same at every psi; where it bends at rest, below the plate's velocity, that is what is taken.
+// - A Rosenbrock method solves linear equations alone, and psi that rises by e-folds within a step falls
+//   behind its force, which nothing shows but what its error makes of the force.
 void Integrator::Impl::narrow_errors() {
   const Scene& s = model.scene();
-  if (!adaptive || !s.massless() || !model.friction_law(0).steep) return;
+  const bool linear = method->type == std::string(TSROSW);
+  if (!adaptive || !model.friction_law(0).steep || !(s.massless() || linear)) return;
   if (!allowed) {
     allowed = model.create_vector();
     no_part = model.create_vector();
@@ -69,9 +73,13 @@ void Integrator::Impl::narrow_errors() {
     for (PetscInt i = 0; i < model.local(); ++i) {
       const double *const at = a + i * dof, state = dof == 3 ? at[2] : 0;
       double* const of = into + i * dof;
-      of[0] = 0;  // psi is no unknown
-      for (int d = 1; d < dof; ++d) of[d] = tolerances.absolute[d] + tolerances.relative[d] * std::abs(at[d]);
+      for (int d = 0; d < dof; ++d) of[d] = tolerances.allowed(d, at[d]);
+      if (s.massless()) of[0] = 0;  // psi is no unknown
       if (s.held(model.first() + i)) continue;
+      if (!s.massless()) {
+        of[0] = std::min(of[0], of[1] / model.friction(i, at[0], state).F_psi);
+        continue;
+      }
       const double size = std::abs(at[0]), from = std::max(size, usual);
       const Partials p = model.friction(i, from, state);
       const double eta = tolerances.relative[0] * (s.B() * size + from * p.F_psi);
@@ -87,6 +95,7 @@ void Integrator::Impl::begin_step() {
   SS_TRY(TSGetTime(ts, &advance.t_before));
   SS_TRY(TSGetTimeStep(ts, &dt));
   SS_TRY(TSGetStepRejections(ts, &advance.rejections_seen));
+  rejections_before = advance.report.rejections;
   if (stick) stick->engage();
   if (dense) dense->forget();
   shorter.forget();
@@ -105,10 +114,13 @@ void Integrator::Impl::begin_step() {
   SS_TRY(VecCopy(u, kept));
 }
 
+namespace {
+constexpr double clock = 16 * std::numeric_limits<double>::epsilon();  // of a time, what it is rounded by
+}
+
 // A shorter step than the round-off of the time says no more of when: where ln psi falls by decades at once,
 // as a slip comes to rest, errors ask for it. At its floor a step is taken whatever its error.
 void Integrator::Impl::set_floor() const {
-  constexpr double clock = 16 * std::numeric_limits<double>::epsilon();
   TSAdapt adapt;
   double longest;
   SS_TRY(TSGetAdapt(ts, &adapt));
@@ -138,9 +150,17 @@ void Integrator::Impl::after_step() {
                   lost.empty() ? "loosen ts_rtol and ts_atol, or remove jumps from the scene" : lost);
   }
   check_floor(step);
+  if (reaches_balance(step)) SS_TRY(TSRestartStep(ts));
   if (stick) return stick->after(step, before());
   advance.tell(ts, step);
   advance.done(ts, step);
+}
+
+// Steps meet what falls at once by being rejected, or end at their floor.
+bool Integrator::Impl::reaches_balance(const Step& step) const {
+  const bool was_rejected = advance.report.rejections > rejections_before;
+  return adaptive && (was_rejected || steps_at_floor > 0) &&
+         balance_at_once(model, tolerances, std::max(advance.same_time, clock * std::abs(step.t)), step.u);
 }
 
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
@@ -153,7 +173,8 @@ void Integrator::Impl::check_floor(const Step& step) {
   double least;
   SS_TRY(TSGetAdapt(ts, &adapt));
   SS_TRY(TSAdaptGetStepLimits(adapt, &least, nullptr));
-  const double reach = least * (1 + 1e-7);
+  // the ends of a step are rounded
+  const double reach = least * (1 + 1e-7) + 2 * std::numeric_limits<double>::epsilon() * std::abs(step.t);
   // close to the end steps are cut to hit it
   const bool at_floor = !(step.t - step.t_before > reach || step.next_dt > reach ||
                           step.t + 2 * reach >= advance.t_end);
