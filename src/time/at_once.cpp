@@ -7,6 +7,7 @@
 #include "base/local_values.hpp"
 #include "model/massless.hpp"
 #include "stickslip/base/error.hpp"
+#include "time/allowed_error.hpp"
 
 namespace stickslip {
 
@@ -31,7 +32,7 @@ bool balance_at_once(const Model& model, const Tolerances& tolerances, double mo
       const double eta = at[1] + (viscous ? from_neighbours[std::size_t(i * dof + 1)] : 0);
       const NodeCoefficients c = model.coefficients(i);
       const double off = eta - c.B * psi - model.friction(i, psi, state).F;
-      if (std::abs(off) <= tolerances.allowed(1, eta)) continue;
+      if (std::abs(off) <= allowed_error(tolerances, 1, eta)) continue;
       const MasslessNode node{model.friction_law(i), normal * model.amplitude()[i], c.B, true};
       const double balanced = node.velocity(eta, state, psi);
       // psi beyond 0, where a law of psi > 0 says no force, has come from there

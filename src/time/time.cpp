@@ -8,6 +8,7 @@
 
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
+#include "time/allowed_error.hpp"
 #include "time/at_once.hpp"
 #include "time/integrator_impl.hpp"
 
@@ -73,7 +74,7 @@ void Integrator::Impl::narrow_errors() {
     for (PetscInt i = 0; i < model.local(); ++i) {
       const double *const at = a + i * dof, state = dof == 3 ? at[2] : 0;
       double* const of = into + i * dof;
-      for (int d = 0; d < dof; ++d) of[d] = tolerances.allowed(d, at[d]);
+      for (int d = 0; d < dof; ++d) of[d] = allowed_error(tolerances, d, at[d]);
       if (s.massless()) of[0] = 0;  // psi is no unknown
       if (s.held(model.first() + i)) continue;
       if (!s.massless()) {

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "stickslip/model/scales.hpp"
 
@@ -39,10 +38,6 @@ struct Tolerances {
     return t;
   }
 
-  // What an unknown of this value may be off by.
-  double allowed(int unknown, double value) const {
-    return absolute[unknown] + relative[unknown] * std::abs(value);
-  }
   // Of a step as a whole: the relative one, and the absolute ones in parts of the scales.
   double largest() const { return over_all([](double a, double b) { return std::max(a, b); }); }
   double least() const { return over_all([](double a, double b) { return std::min(a, b); }); }
