@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -94,8 +95,8 @@ struct StepAudit::Impl {
   int repeated = 0, beyond = 0;
   double longest = 0;              // step repeated
   std::map<double, double> taken;  // time spent at step, in the second half
-  // the same of the whole run, where it was near sliding when last looked at
-  std::map<double, double> taken_near;
+  // the same of the whole run, between looks that both found it near sliding; since the last look
+  std::map<double, double> taken_near, since_look;
   bool is_near = false;
   int next_look = 0;
 
@@ -115,7 +116,7 @@ struct StepAudit::Impl {
 
   void note_step(double from, double to) {
     if (to > t_begin + 0.5 * (t_end - t_begin)) add_to(taken, to - from);
-    if (is_near) add_to(taken_near, to - from);
+    if (is_near) add_to(since_look, to - from);
   }
   void add_to(std::map<double, double>& times, double dt) const {
     if (!integrator.adaptive() && !times.empty()) {
@@ -129,7 +130,10 @@ struct StepAudit::Impl {
   double due(double count) const { return t_begin + (t_end - t_begin) * count / audits; }
   void look(const ObservedStep& step) {
     if (step.t < due(next_look)) return;
-    is_near = near_sliding(model, step.u);
+    const bool was_near = std::exchange(is_near, near_sliding(model, step.u));
+    for (const auto& [dt, time] : since_look)
+      if (was_near && is_near) taken_near[dt] += time;
+    since_look.clear();
     while (next_look <= audits && step.t >= due(next_look)) ++next_look;
   }
 
