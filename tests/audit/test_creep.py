@@ -69,7 +69,10 @@ def reference(p):
     passes.direction = 1
     start = [math.log(0.1), 0, math.log(10)]
     start[1] = friction(start[0], start[2]) if p["eta"] is None else p["eta"]
-    found = solve_ivp(rate, (0, until(p) * v / D), start, method="Radau", rtol=1e-8, atol=1e-10, events=passes)
+    try:
+        found = solve_ivp(rate, (0, until(p) * v / D), start, method="Radau", rtol=1e-8, atol=1e-10, events=passes)
+    except ValueError:  # psi beyond all numbers
+        return None
     if not found.success:  # a fall in velocity that ends within the round-off of the time
         return None
     return found.t * D / v, found.y[1], found.t_events[0] * D / v
