@@ -1,4 +1,4 @@
-// Nodes that come into balance in no time, with mass and friction that goes by ln psi (laws that are `steep`).
+// Nodes that come into balance in no time, with mass and friction that goes by ln psi (`steep` laws).
 //
 // Where the force lies below friction by d, psi falls at A d, and friction that goes by a ln psi follows only
 // when psi is d/a factors of e lower, so 60 or 260 decades for ordinary d: within the round-off of the time,
