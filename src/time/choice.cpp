@@ -129,10 +129,9 @@ double deaths_in_recovery(const Model& model) {
 // explicit pair takes more evaluations than the implicit ones of a whole cycle.
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
-  const double relaxation = model.wave_frequency(), slowest = own_frequency(s);
-  const bool spreads = slowest > 0 && slowest < relaxation / 2400;
-  return {relaxation, model.friction_rate(u), false, spreads || deaths_in_recovery(model) > 1e4,
-          scales_of(s).rate};
+  const double relaxation = model.wave_frequency(), own = scales_of(s).rate;
+  const bool spreads = s.K0() > 0 && own < relaxation / 2400;
+  return {relaxation, model.friction_rate(u), false, spreads || deaths_in_recovery(model) > 1e4, own};
 }
 
 // The entry of the tableau that the TS will have, of a type that is implicit.

@@ -209,8 +209,8 @@ void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
   set_linear_solver(ksp);
 }
 
-// Of a Rosenbrock method too, which has PETSc hold on to it over a step that is tried again, with the shift of
-// the length that failed.
+// Of a Rosenbrock method too, which has PETSc hold on to it over a step that is tried again, with the shift
+// of the length that failed.
 bool Equations::shares_jacobian(TS ts, MethodKind kind, const std::string& prefix) {
   TSType type;
   SS_TRY(TSGetType(ts, &type));

@@ -49,8 +49,8 @@ PetscErrorCode Integrator::Impl::PostStep(TS ts) {
 // ---- one step
 // ---------------------------------------------------------------------------------------------------
 
-// Where friction is steep it goes by ln psi, and psi far below its scale may be off by decades. What errors may
-// be is said anew for each step there:
+// Where friction is steep it goes by ln psi, and psi far below its scale may be off by decades. What errors
+// may be is said anew for each step there:
 // - Without mass psi follows from eta and the state, d ln psi = (d eta - F_s ds)/(psi (B + F_psi)): errors of
 //   both are judged by what they make of ln psi, of which each may be rtol. psi F_psi of a logarithm is the
 //   same at every psi; where it bends at rest, below the plate's velocity, that is what is taken.
