@@ -7,6 +7,7 @@
 #include "catch.hpp"
 #include "model/dispatch.hpp"
 #include "model/kernel.hpp"
+#include "model/right_hand_side.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
@@ -18,141 +19,136 @@ namespace {
 
 constexpr PetscInt margin = 4, count = 5 * tile_size + 77;  // several tiles and a part of one
 
-const Coefficients coefficients{3, 0.07, 1. / 3, 0.2, 0.21, {-2.5, 1.4, -0.08, 0.011, -0.0017}};
-
-struct Field {
-  std::vector<double> u, amplitude;
-};
-
-// count nodes and `margin` more on both sides
-Field field(int dof) {
-  Field f;
-  for (PetscInt i = 0; i < (count + 2 * margin) * dof; ++i)
-    f.u.push_back(0.7 * std::sin(1.3 * double(i)) + 0.2 + 0.1 * double(i % dof));
-  for (PetscInt i = 0; i < count; ++i) f.amplitude.push_back(1 + 0.3 * std::cos(0.9 * double(i)));
-  return f;
-}
-
-// The loop over [begin, end), whatever lies outside.
-template <int half_width, class Loop>
-void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin, PetscInt end,
-          std::vector<double>& f) {
-  const auto psi = [&](PetscInt i) { return x.u[static_cast<std::size_t>((i + margin) * dof)]; };
-  std::vector<double> before, behind;
-  for (PetscInt j = 0; j < half_width; ++j) {
-    before.push_back(psi(begin - half_width + j));
-    behind.push_back(psi(end + j));
-  }
-  // a copy of the range alone, so that the sanitizers see every access outside it
-  const std::vector<double> u(x.u.begin() + (begin + margin) * dof, x.u.begin() + (end + margin) * dof);
-  const std::vector<double> amplitude(x.amplitude.begin() + begin, x.amplitude.begin() + end);
-  loop(coefficients,
-       Range{u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)],
-             end - begin, before.data(), behind.data()});
-}
-
+const Coefficients k{3, 0.07, 1. / 3, 0.2, 0.21, {-2.5, 1.4, -0.08, 0.011, -0.0017}};
 const std::vector<PetscInt> cuts = {0, 1, 2, 5, 132, 133, 261, 390, 391, 600, count};
 
-// `expected(u, coupling, a)`: the right-hand side of a node by the equations.
-template <int half_width, class Kernel, class Expected>
-void check(const Kernel& kernel, bool spread, const Expected& expected) {
-  constexpr int dof = Kernel::dof;
-  const Field x = field(dof);
-  const auto size = static_cast<std::size_t>(count * dof);
-  std::vector<double> whole(size), pieces(size), avx2(size);
-  call<half_width>(Baseline<Kernel>{kernel}, dof, x, spread, 0, count, whole);
-  for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
-    call<half_width>(Baseline<Kernel>{kernel}, dof, x, spread, cuts[k], cuts[k + 1], pieces);
-  CHECK(pieces == whole);
-  if (has_avx2()) {
-    call<half_width>(Avx2<Kernel>{kernel}, dof, x, spread, 0, count, avx2);
-    CHECK(avx2 == whole);
-    for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
-      call<half_width>(Avx2<Kernel>{kernel}, dof, x, spread, cuts[k], cuts[k + 1], pieces);
+// psi, eta, the state, the amplitude and the coupling of `count` nodes; psi of `margin` more on both sides.
+struct Field {
+  std::vector<double> psi, eta, state, amplitude, coupling;
+  Field() {
+    for (PetscInt i = -margin; i < count + margin; ++i) psi.push_back(0.7 * std::sin(1.3 * double(i)) + 0.2);
+    for (PetscInt i = 0; i < count; ++i) {
+      eta.push_back(0.7 * std::sin(1.9 * double(i)) + 0.3);
+      state.push_back(0.7 * std::sin(2.3 * double(i)) + 0.4);
+      amplitude.push_back(1 + 0.3 * std::cos(0.9 * double(i)));
+      coupling.push_back(std::sin(0.7 * double(i)));
+    }
+  }
+};
+
+// What `call(version of the loop, begin, end, rates)` makes of all nodes, of parts of them and with every set
+// of instructions: the same bits. `rates`: psi's of all nodes, then eta's and the state's.
+template <class Loop, class Call>
+std::vector<double> same_bits(const Loop& loop, const Call& call) {
+  std::vector<double> whole(3 * count);
+  call(Baseline<Loop>{loop}, PetscInt(0), count, whole);
+  const auto agrees = [&](const auto& version) {
+    std::vector<double> all(3 * count), pieces(3 * count);
+    call(version, PetscInt(0), count, all);
+    for (std::size_t j = 0; j + 1 < cuts.size(); ++j) call(version, cuts[j], cuts[j + 1], pieces);
+    CHECK(all == whole);
     CHECK(pieces == whole);
-  }
-  if (has_avx512()) {
-    std::vector<double> avx512(size);
-    call<half_width>(Avx512<Kernel>{kernel}, dof, x, spread, 0, count, avx512);
-    CHECK(avx512 == whole);
-  }
+  };
+  agrees(Baseline<Loop>{loop});
+  if (has_avx2()) agrees(Avx2<Loop>{loop});
+  if (has_avx512()) agrees(Avx512<Loop>{loop});
+  return whole;
+}
+
+template <class F>
+void check_friction(const F& friction, bool spread) {
+  const Field x;
+  const auto call = [&](const auto& loop, PetscInt begin, PetscInt end, std::vector<double>& rates) {
+    // copies of the range alone, so that the sanitizers see every access outside it
+    const auto of = [&](const std::vector<double>& v, PetscInt from) {
+      return std::vector<double>(v.begin() + begin + from, v.begin() + end + from);
+    };
+    const auto psi = of(x.psi, margin), eta = of(x.eta, 0), s = of(x.state, 0), a = of(x.amplitude, 0);
+    std::vector<double> f_psi(psi.size()), f_eta = of(x.coupling, 0), f_state(psi.size());
+    loop(k, Columns{psi.data(), eta.data(), F::has_state ? s.data() : nullptr, spread ? a.data() : nullptr,
+                    f_eta.data(), f_psi.data(), f_eta.data(), f_state.data(), end - begin});
+    std::copy(f_psi.begin(), f_psi.end(), rates.begin() + begin);
+    std::copy(f_eta.begin(), f_eta.end(), rates.begin() + count + begin);
+    std::copy(f_state.begin(), f_state.end(), rates.begin() + 2 * count + begin);
+  };
+  const std::vector<double> rates = same_bits(PointwiseOfColumns<F, false>{friction}, call);
   double worst = 0;
-  for (PetscInt i = 0; i < count; ++i) {
-    const double* u = &x.u[static_cast<std::size_t>((i + margin) * dof)];
-    double coupling = 0;
-    for (int j = -half_width; j <= half_width; ++j) coupling += coefficients.w[std::abs(j)] * u[j * dof];
-    const std::array<double, 3> f =
-        expected(u, coupling, spread ? x.amplitude[static_cast<std::size_t>(i)] : 1.);
-    for (int d = 0; d < dof; ++d)
-      worst = std::max(
-          worst, std::abs(whole[static_cast<std::size_t>(i * dof + d)] - f[static_cast<std::size_t>(d)]));
+  for (std::size_t i = 0; i < std::size_t(count); ++i) {
+    const double psi = x.psi[i + margin], eta = x.eta[i], s = F::has_state ? x.state[i] : 0;
+    const double force = (spread ? x.amplitude[i] : 1) * friction.partials(psi, s).F;
+    worst = std::max(
+        {worst, std::abs(rates[i] - k.A * (eta - k.B * psi - force)),
+         std::abs(rates[count + i] - (k.K0 * (k.v - psi) + x.coupling[i] - k.s_delta * (eta - force))),
+         std::abs(rates[2 * count + i] - friction.rate_partials(psi, s).g)});
   }
   CHECK(worst < 1e-14);  // some ten terms of at most 4, each rounded by 1e-16 of itself
 }
 
-constexpr const Coefficients& k = coefficients;
-
-// The coupling by the loop that knows no law, the rest onto it.
-template <int half_width, class F>
-struct TwoPasses {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  F friction;
-  void operator()(const Coefficients& c, const Range& r) const {
-    if constexpr (half_width > 0) Wave<half_width, dof, true>{}(c, r);
-    Onto<F>{friction, half_width > 0}(c, r);
-  }
-};
-
-template <int half_width, class F>
-void check_friction(const F& friction, bool spread) {
-  const auto state = [](const double* u) { return F::has_state ? u[2] : 0; };
-  const auto expected = [&](const double* u, double coupling, double a) {
-    const double force = a * friction.force(u[0], state(u));
-    return std::array<double, 3>{
-        k.A * (u[1] - k.B * u[0] - force),
-        k.K0 * (k.v - u[0]) + (half_width > 0 ? coupling : 0) - k.s_delta * (u[1] - force),
-        friction.rate_partials(u[0], state(u)).g};
+template <int half_width>
+void check_stencil() {
+  const Field x;
+  const auto call = [&](const auto& loop, PetscInt begin, PetscInt end, std::vector<double>& rates) {
+    const std::vector<double> psi(x.psi.begin() + begin + margin - half_width,
+                                  x.psi.begin() + end + margin + half_width);
+    loop(k, ColumnRange{psi.data() + half_width, &rates[std::size_t(begin)], end - begin});
   };
-  if constexpr (half_width > 0 && !F::has_state)
-    check<half_width>(Whole<half_width, F>{friction}, spread, expected);
-  check<half_width>(TwoPasses<half_width, F>{friction}, spread, expected);
-  check<0>(Reaction<F>{friction}, spread, [&](const double* u, double, double a) {
-    const double force = a * friction.force(u[0], state(u));
-    return std::array<double, 3>{-k.A * force, k.s_delta * force, friction.rate_partials(u[0], state(u)).g};
-  });
-}
-
-template <int half_width, int dof>
-void check_wave() {
-  check<half_width>(Wave<half_width, dof, false>{}, false, [&](const double* u, double coupling, double) {
-    return std::array<double, 3>{k.A * (u[1] - k.B * u[0]), k.K0 * (k.v - u[0]) + coupling - k.s_delta * u[1],
-                                 0};
-  });
-  check<half_width>(Wave<half_width, dof, true>{}, false, [&](const double*, double coupling, double) {
-    return std::array<double, 3>{0, coupling, 0};
-  });
+  const std::vector<double> sums = same_bits(StencilOfColumns<half_width>{}, call);
+  double worst = 0;
+  for (std::size_t i = 0; i < std::size_t(count); ++i) {
+    double sum = 0;
+    for (int j = -half_width; j <= half_width; ++j)
+      sum += k.w[std::abs(j)] * x.psi[i + std::size_t(margin + j)];
+    worst = std::max(worst, std::abs(sums[i] - sum));
+  }
+  CHECK(worst < 1e-14);
 }
 
 }  // namespace
 
 TEST_CASE("the loops give the same bits for parts of a range and for every instruction set", "[serial]") {
-  const Product<Cubic, SignExact, NoState> cubic{};
-  const Product<CarlsonLanger, SignExact, NoState> carlson_langer{};
-  const Product<CarlsonLanger, SignRegularised, Healing> healing{{}, {1, 2, 1}, {0.2}};
-  const OwnState<RateAndState, Ageing> ageing{{{}, 0.5, 0.7, 1, 0.6, 1}, {1}};
   for (const bool spread : {false, true}) {
-    check_friction<0>(cubic, spread);
-    check_friction<1>(cubic, spread);
-    check_friction<2>(cubic, spread);
-    check_friction<3>(cubic, spread);
-    check_friction<4>(cubic, spread);
-    check_friction<2>(carlson_langer, spread);
-    check_friction<1>(healing, spread);
-    check_friction<3>(ageing, spread);
+    check_friction(Product<Cubic, SignExact, NoState>{}, spread);
+    check_friction(Product<CarlsonLanger, SignExact, NoState>{}, spread);
+    check_friction(Product<CarlsonLanger, SignRegularised, Healing>{{{}, {{}, 1, 2, 1}}, {0.2}}, spread);
+    check_friction(OwnState<RateAndState, Ageing>{{{{}, 0.5, 0.7, 1, 0.6, 1}, {{}, 1}}}, spread);
+    check_friction(Frictionless<true>{}, spread);
   }
-  check_wave<1, 2>();
-  check_wave<4, 2>();
-  check_wave<2, 3>();
+  check_stencil<1>();
+  check_stencil<2>();
+  check_stencil<3>();
+  check_stencil<4>();
+}
+
+TEST_CASE("parts of a range of nodes have the bits of the whole", "[serial]") {
+  for (const int order : {2, 4, 6, 8})
+    for (const char* law : {"cubic", "rate-and-state"}) {
+      Scene s;
+      s.n = count + 2 * margin;
+      s.order = order;
+      s.friction.law = Law(law);
+      if (law == std::string("rate-and-state")) s.friction.state = StateLaw("ageing");
+      const PetscInt dof = s.friction.has_state() ? 3 : 2;
+      const RightHandSide right_hand_side(s, 0, s.n);
+      std::vector<double> u, whole(std::size_t(count * dof)), pieces(whole.size());
+      for (PetscInt i = 0; i < s.n * dof; ++i) u.push_back(0.7 * std::sin(1.3 * double(i)) + 0.2);
+      const auto call = [&](Part part, PetscInt begin, PetscInt end, std::vector<double>& f) {
+        const auto psi = [&](PetscInt i) { return u[std::size_t((i + margin) * dof)]; };
+        std::vector<double> before, behind;
+        for (PetscInt j = 0; j < order / 2; ++j) {
+          before.push_back(psi(begin - order / 2 + j));
+          behind.push_back(psi(end + j));
+        }
+        const std::vector<double> own(u.begin() + (begin + margin) * dof, u.begin() + (end + margin) * dof);
+        right_hand_side.take(
+            part, 0.2,
+            {own.data(), nullptr, &f[std::size_t(begin * dof)], end - begin, before.data(), behind.data()});
+      };
+      for (const Part part : {Part::full, Part::pointwise, Part::stencil, Part::wave, Part::reaction}) {
+        call(part, 0, count, whole);
+        for (std::size_t j = 0; j + 1 < cuts.size(); ++j) call(part, cuts[j], cuts[j + 1], pieces);
+        CHECK(pieces == whole);
+      }
+    }
 }
 
 TEST_CASE("the right-hand side has the same bits on any number of ranks") {

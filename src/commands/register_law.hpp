@@ -13,7 +13,6 @@
 #include "model/law_list.hpp"
 #include "model/loop_families.hpp"
 #include "model/scales_family.hpp"
-#include "time/tile_families.hpp"
 
 namespace stickslip {
 
@@ -32,13 +31,10 @@ void add_pairs(Laws laws, States states) {
   });
   add_family<FrictionFamily>(laws, states);
   add_family<ScalesFamily>(laws, states);
-  add_family<WholeFamily>(laws, states);
-  add_family<OntoFamily>(laws, states);
-  add_family<ReactionFamily>(laws, states);
-  add_family<tile::PointwiseFamily>(laws, states);
-  add_family<tile::SolveStageFamily>(laws, states);
-  add_family<tile::NewtonRoundFamily>(laws, states);
-  add_family<tile::TangentsFamily>(laws, states);
+  add_family<PointwiseFamily>(laws, states);
+  add_family<StageFamily>(laws, states);
+  add_family<NewtonFamily>(laws, states);
+  add_family<TangentFamily>(laws, states);
 }
 
 }  // namespace detail

@@ -7,7 +7,6 @@
 #include "model/release.hpp"
 #include "model/stick_rule.hpp"
 #include "model/turned_row.hpp"
-#include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -36,20 +35,12 @@ double fastest(const Scene& s) {
 StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
-      amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
+      amplitude_(friction_amplitude(scene, 0, scene.n)), right_hand_side_(scene, 0, scene.n),
       point_(scene, 0), own_(coefficients_along(scene, 0, scene.n)), factors_(amplitude_.size()),
       method_(size()), method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
-  if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
-  const FrictionPlaces places = friction_places(scene, 0, scene.n);
-  const bool viscous = scene.nu > 0 && nodes_ > 1;
-  RangeLoop stencil;
-  if (scene.medium.varies() && half_width_ > 0)
-    stencil = medium_stencil(dof_, wave_loop(dof_, half_width_, true), links_along(scene, 0, scene.n));
-  loop_ = viscous ? Viscosity(scene, dof_).around(whole_loop(scene.friction, 0, true, places))
-                  : whole_loop(scene.friction, half_width_, true, places, stencil);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(row_over_mean(scene, i));
@@ -57,7 +48,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
   for (std::size_t k = 0; k < size(); ++k) scales_.push_back(scales.of(int(k) % dof_));
   longest_ = longest_step / fastest(scene);
   if (forced()) scales_.back() = longest_;  // of the load's time
-  if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
+  if (scene.nu > 0 && nodes_ > 1) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
   if (forced()) longest_ = std::min(longest_, longest_step * scene.smooth_time() / M_PI);
 }
 

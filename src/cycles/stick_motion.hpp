@@ -25,7 +25,7 @@
 
 #include "base/idling.hpp"
 #include "model/jump_matrix.hpp"
-#include "model/loops.hpp"
+#include "model/right_hand_side.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -167,8 +167,7 @@ class StickMotion {
   std::vector<double> scales_;  // of every unknown
   Frictions law_;
   std::vector<double> amplitude_;
-  kernel::Coefficients coefficients_;
-  RangeLoop loop_;
+  RightHandSide right_hand_side_;
   LinearPoint point_;
   std::vector<NodeCoefficients> own_;    // of the nodes, where they differ
   mutable std::vector<double> factors_;  // amplitudes under a normal load, as they were last

@@ -39,19 +39,17 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
   std::array<double, 8> around{};
   for (std::size_t j = 0; j < halo_.size(); ++j)
     for (const auto& [node, weight] : halo_[j]) around[j] += weight * u[node * dof_];
-  kernel::Coefficients coefficients = coefficients_;
-  if (forced()) {
-    if (scene_.load.varies()) coefficients.v = scene_.load(u[size() - 1]);
-    f[size() - 1] = 1;
-  }
+  const double v = scene_.load.varies() ? scene_.load(u[size() - 1]) : scene_.v;
+  if (forced()) f[size() - 1] = 1;
   const double* amplitude = scene_.unit_amplitude() ? nullptr : amplitude_.data();
   if (scene_.normal.varies()) {
     const double N = normal(u);
     std::transform(amplitude_.begin(), amplitude_.end(), factors_.begin(), [N](double a) { return N * a; });
     amplitude = factors_.data();
   }
-  loop_(coefficients,
-        {u, amplitude, f, nodes_, around.data(), around.data() + half_width_, direction.data()});
+  right_hand_side_.take(
+      half_width_ > 0 ? Part::full : Part::pointwise, v,
+      {u, amplitude, f, nodes_, around.data(), around.data() + half_width_, direction.data()});
   for (int i = 0; i < nodes_; ++i)
     if (held(i)) f[i * dof_] = f[i * dof_ + 1] = 0;  // its eta, which nothing feels, would drift
 }

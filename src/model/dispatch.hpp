@@ -18,10 +18,10 @@ namespace stickslip {
 // velocity, any other with laws that take the state themselves.
 template <class L, class S>
 constexpr bool classes_belong_together() {
-  if (traits::has_companion<L> || traits::of_its_law<S>) return traits::are_companions<L, S>();
-  if (traits::takes_state<L>) return !traits::factor<S> && !std::is_same_v<S, NoState>;
-  return std::is_same_v<S, NoState> ||
-         (traits::factor<S> && (L::jumps_at_rest || !traits::needs_threshold<S>));
+  constexpr bool none = std::is_same_v<S, NoState>;
+  if (!std::is_void_v<typename L::State> || S::of_its_law) return std::is_same_v<typename L::State, S>;
+  if (L::takes_state) return !S::is_factor && !none;
+  return none || (S::is_factor && (jumps_at_rest<L>() || !S::needs_threshold));
 }
 
 template <class T>
@@ -40,8 +40,8 @@ T with_values(const FrictionParameters& p, const std::string& family) {
   T object;
   for (const auto& [member, parameter] : T::parameters())
     if (member) object.*member = p.value(family + parameter.name);
-  if constexpr (traits::takes_points<T>) object.take(p.curve);
-  if (!p.varies()) traits::check(object);
+  if constexpr (T::takes_points) object.take(p.curve);
+  if (!p.varies()) object.check();
   return object;
 }
 
@@ -69,8 +69,8 @@ std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, c
     for (const auto& [member, profile] : of_law) all[i].law.*member = profile->at(places[i].x);
     for (const auto& [member, profile] : of_state) all[i].state.*member = profile->at(places[i].x);
     try {
-      traits::check(all[i].law);
-      traits::check(all[i].state);
+      all[i].law.check();
+      all[i].state.check();
     } catch (const UsageError& e) {
       throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(places[i].x, 6) + ")");
     }
@@ -84,12 +84,12 @@ template <class L, class S, class Body>
 auto with_friction(const FrictionParameters& p, const Body& body) {
   const L law = with_values<L>(p, "friction_");
   const S state = with_values<S>(p, "state_");
-  if constexpr (traits::takes_state<L>) {
+  if constexpr (L::takes_state) {
     return body(OwnState<L, S>{law, state});
   } else {
-    if constexpr (traits::jumps_at_rest<L>()) {
+    if constexpr (jumps_at_rest<L>()) {
       if (p.regularised) return body(Product<L, SignRegularised, S>{law, state, {p.eps}});
-      if constexpr (traits::takes_points<L>)
+      if constexpr (L::takes_points)
         if (!p.jumps_at_rest()) return body(Product<L, SignContinuous, S>{law, state, {}});
     }
     return body(Product<L, SignExact, S>{law, state, {}});
@@ -124,19 +124,15 @@ StateTraits traits_of_state() {
 template <class TypeOfL>
 LawTraits traits_of_law() {
   using L = typename TypeOfL::type;
-  LawTraits traits{L::name,
-                   traits::jumps_at_rest<L>(),
-                   traits::continuous_derivatives<L>(),
-                   traits::only_for<L>(),
-                   parameters_of<L>(),
-                   {}};
-  if constexpr (traits::takes_points<L>) traits.continuous_at_rest = L::continuous_at_rest;
+  LawTraits traits{L::name,     jumps_at_rest<L>(), L::continuous_derivatives,
+                   L::only_for, parameters_of<L>(), {}};
+  if constexpr (L::takes_points) traits.continuous_at_rest = L::continuous_at_rest;
   return traits;
 }
 // Whether the law takes this state law where none is named.
 template <class L, class S>
 bool is_usual() {
-  return traits::usual_state<L>() == std::string(S::name);
+  return L::usual_state == std::string(S::name);
 }
 
 // ---- the list of laws (friction.cpp)
@@ -193,66 +189,72 @@ LawTable<typename Family::Make>& listed() {
   return table;
 }
 
-// The loop of any friction (AnyFriction) with what acts at each of the places.
-template <class Function, template <class, bool> class Loop, class... Rest>
-Function loop_of_any(const FrictionParameters& p, const FrictionPlaces& places, bool sticking,
-                     const Rest&... rest) {
-  const auto nodes = Friction::along(p, places);
-  const bool smoothed = p.regularised;
-  const auto loop = [&](auto friction, auto constant) -> Function {
-    using Any = decltype(friction);
-    std::vector<Any> own;
-    for (std::size_t i = 0; i < nodes.size(); ++i) own.push_back({nodes[i], places[i].medium});
-    return kernel::Baseline<Loop<kernel::Varying<Any>, decltype(constant)::value>>{
-        {{std::make_shared<const std::vector<Any>>(std::move(own))}, rest...}};
+// Calls body with each of the flags as a constant.
+template <class Body>
+auto with_flags(const Body& body) {
+  return body();
+}
+template <class Body, class... Flags>
+auto with_flags(const Body& body, bool flag, Flags... others) {
+  const auto with = [&](auto constant) {
+    return with_flags([&](auto... rest) { return body(constant, rest...); }, others...);
   };
-  constexpr std::true_type yes;
-  constexpr std::false_type no;
-  if (!nodes.front()->has_state) {
-    if (smoothed) return loop(kernel::AnyFriction<false, true, false>(), no);
-    return sticking ? loop(kernel::AnyFriction<false, false, false>(), yes)
-                    : loop(kernel::AnyFriction<false, false, false>(), no);
-  }
-  if (nodes.front()->steep) return loop(kernel::AnyFriction<true, false, true>(), no);
-  if (smoothed) return loop(kernel::AnyFriction<true, true, false>(), no);
-  return sticking ? loop(kernel::AnyFriction<true, false, false>(), yes)
-                  : loop(kernel::AnyFriction<true, false, false>(), no);
+  return flag ? with(std::true_type()) : with(std::false_type());
 }
 
-// Loop<F, sticking>{friction, rest...} of friction's class F, in the version that suits this processor; with
-// `places`, with what acts at each of them (friction_places). Only laws that stick have a loop with
-// `sticking`.
-template <class Function, template <class, bool> class Loop, class... Rest>
+// Loop<F, sticking> of friction's class F, in the version that suits this processor; with `places`, with what
+// acts at each of them (friction_places). Only laws that stick have a loop with `sticking`.
+template <class Function, template <class, bool> class Loop>
 struct LoopFamily {
-  using Make = Function (*)(const FrictionParameters&, bool sticking, const FrictionPlaces&, const Rest&...);
+  using Make = Function (*)(const FrictionParameters&, bool sticking, const FrictionPlaces&);
   static LawTable<Make>& table();
 
+  static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
+    const bool any = !places.empty() && (!p.terms.none() || places.front().medium);
+    return any ? of_any(p, sticking, places) : table().of(p)(p, sticking, places);
+  }
   template <class L, class S>
-  static Function make(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
-                       const Rest&... rest) {
-    return with_friction<L, S>(p, [&](const auto& friction) -> Function {
+  static Function make(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
+    return with_friction<L, S>(p, [&](const auto& friction) {
       using F = std::decay_t<decltype(friction)>;
-      const auto loop = [&](auto constant) -> Function {
-        constexpr bool sticks = decltype(constant)::value;
-        if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
-        return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
-            {{std::make_shared<const std::vector<F>>(frictions_along(friction, p, places))}, rest...}};
-      };
-      if (!sticking) return loop(std::false_type());
-      if constexpr (F::sticks)
-        return loop(std::true_type());
-      else
-        throw std::logic_error("law " + p.law->name + " does not stick");
+      return with_flags(
+          [&](auto sticks) -> Function {
+            if constexpr (sticks && !F::sticks)
+              throw std::logic_error("law " + p.law->name + " does not stick");
+            else if (places.empty())
+              return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction});
+            else
+              return of_nodes<sticks>(frictions_along(friction, p, places));
+          },
+          sticking);
     });
   }
-  // For these parameters.
-  static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
-                     const Rest&... rest) {
-    if (!places.empty() && (!p.terms.none() || places.front().medium))
-      // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDeleteLeaks): it loses sight of what std::function owns
-      return loop_of_any<Function, Loop>(p, places, sticking, rest...);
-    return table().of(p)(p, sticking, places, rest...);
+  template <bool sticking, class F>
+  static Function of_nodes(std::vector<F> nodes) {
+    return kernel::Baseline<Loop<kernel::Varying<F>, sticking>>{
+        {{std::make_shared<const std::vector<F>>(std::move(nodes))}}};
+  }
+
+ private:
+  static Function of_any(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
+    const auto laws = Friction::along(p, places);
+    return with_flags(
+        [&](auto state, auto smoothed, auto steep, auto sticks) -> Function {
+          if constexpr (smoothed + steep + sticks > 1 || (steep && !state)) {
+            throw std::logic_error("no law is like this");
+          } else {
+            std::vector<kernel::AnyFriction<state, smoothed, steep>> nodes;
+            for (std::size_t i = 0; i < laws.size(); ++i) nodes.push_back({laws[i], places[i].medium});
+            return of_nodes<sticks>(std::move(nodes));
+          }
+        },
+        laws.front()->has_state, p.regularised, laws.front()->steep, sticking);
   }
 };
+// In one file for each family, which takes long to compile.
+template <class Function, template <class, bool> class Loop>
+LawTable<typename LoopFamily<Function, Loop>::Make>& LoopFamily<Function, Loop>::table() {
+  return listed<LoopFamily>();
+}
 
 }  // namespace stickslip

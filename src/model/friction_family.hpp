@@ -19,12 +19,10 @@ class Resolved final : public Friction {
   // `terms`: beside it, over the node's amplitude.
   Resolved(const F& f, const NodeTerms& terms, SlopeBounds slopes)
       : Friction(F::has_state, F::sticks, F::steep,
-                 traits::van_der_pol<decltype(f.law)> && !F::has_state && terms.none(), slopes),
+                 decltype(f.law)::van_der_pol && !F::has_state && terms.none(), slopes),
         f_(f), terms_(terms), holds_(what_holds(f)) {}
 
-  double force(double psi, double s) const override {
-    return with_terms<double>({f_.force(psi, s), 0, 0}, psi, std::abs(psi)).F;
-  }
+  double force(double psi, double s) const override { return partials(psi, s).F; }
   Partials partials(double psi, double s) const override {
     return with_terms<double>(f_.partials(psi, s), psi, std::abs(psi));
   }
@@ -48,60 +46,40 @@ class Resolved final : public Friction {
     }
   }
   double velocity_of_slope(double F_psi) const override {
-    return terms_.none() ? traits::velocity_of_slope(f_.law, F_psi) : std::nan("");
+    return terms_.none() ? f_.law.velocity_of_slope(F_psi) : std::nan("");
   }
 
   Partials sliding_partials(double psi, double s, double direction) const override {
-    if constexpr (F::sticks)
-      return with_terms<double>(f_.sliding_partials(psi, s, direction), psi, direction * psi);
-    else
-      return refuse<Partials>();
+    return sticking<Partials>([&](const auto& f) {
+      return with_terms<double>(f.sliding_partials(psi, s, direction), psi, direction * psi);
+    });
   }
   RatePartials sliding_rate(double psi, double s, double direction) const override {
-    if constexpr (F::sticks)
-      return f_.sliding_rate(psi, s, direction);
-    else
-      return refuse<RatePartials>();
+    return sticking<RatePartials>([&](const auto& f) { return f.sliding_rate(psi, s, direction); });
   }
   WithSlope threshold(double s) const override {
-    if constexpr (!F::sticks) {
-      return refuse<WithSlope>();
-    } else if constexpr (F::has_state) {
-      const WithSlope m = f_.factor(s);
-      return {m.value * holds_, m.slope * holds_};
-    } else {
-      return {holds_, 0};
-    }
+    return sticking<WithSlope>([&](const auto& f) {
+      const WithSlope m = f.factor(s);
+      return WithSlope{m.value * holds_, m.slope * holds_};
+    });
   }
   double threshold_at_long_rest() const override {
-    if constexpr (!F::sticks)
-      return refuse<double>();
-    else if constexpr (F::has_state)
-      return f_.factor_at_long_rest() * holds_;
-    else
-      return holds_;
+    return sticking<double>([&](const auto& f) { return f.factor_at_long_rest() * holds_; });
   }
   double state_at_rest(double s, double t) const override {
-    if constexpr (!F::sticks)
-      return refuse<double>();
-    else if constexpr (F::has_state)
-      return f_.state.at_rest(s, t);
-    else
-      return 0;
+    return sticking<double>([&](const auto& f) { return f.state.at_rest(s, t); });
   }
   double time_at_rest(double s) const override {
-    if constexpr (!F::sticks)
-      return refuse<double>();
-    else if constexpr (F::has_state)
-      return f_.state.time_at_rest(s);
-    else
-      return 0;
+    return sticking<double>([&](const auto& f) { return f.state.time_at_rest(s); });
   }
 
  private:
-  template <class R>
-  [[noreturn]] static R refuse() {
-    throw std::logic_error("this law does not stick");
+  template <class R, class Body>
+  R sticking(const Body& body) const {
+    if constexpr (F::sticks)
+      return body(f_);
+    else
+      throw std::logic_error("this law does not stick");
   }
   template <class Real>
   PartialsOf<Real> with_terms(PartialsOf<Real> p, const Real& psi, const Real& speed) const {
@@ -117,9 +95,7 @@ class Resolved final : public Friction {
     } else {
       constexpr double drop = 1 + 1e-12;
       const double slips = std::max(f.law.phi(0., SignFrozen{1}).value, -f.law.phi(0., SignFrozen{-1}).value);
-      if constexpr (traits::drops<decltype(f.law)>)
-        if (f.law.threshold() > drop * slips) return f.law.threshold();
-      return slips;
+      return f.law.threshold() > drop * slips ? f.law.threshold() : slips;
     }
   }
   F f_;
@@ -130,7 +106,7 @@ class Resolved final : public Friction {
 template <class F>
 std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p, double amplitude) {
   return std::make_shared<const Resolved<F>>(
-      f, p.terms.over(amplitude), p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(f.law));
+      f, p.terms.over(amplitude), p.regularised ? SlopeBounds{0, 1 / p.eps} : f.law.slope_bounds());
 }
 
 struct FrictionFamily {

@@ -1,12 +1,10 @@
-// The loops over nodes. Each works on any contiguous range of nodes whose halo is given beside it; written
-// once, inlined over the friction and the stencil.
+// The loops over nodes, on arrays side by side: the coupling of neighbours, which knows the order and no law,
+// and what is pointwise, which knows the law and no order. So there are as many of them as laws and orders
+// together.
 //
-// The unknowns lie interleaved in memory, which vector instructions dislike. So a loop takes a tile of nodes
-// at a time, spreads psi, eta and the state into small arrays that stay in the first-level cache, and
-// computes on those: the compiler makes vector code of every step that has no branch and calls no function,
-// whatever the law and the order. Only + - * / occur, in the order written, and no fused multiply-add
-// (-ffp-contract=off), so that a node's result does not depend on the vector length, on its place in a range,
-// or on how many ranks share the grid.
+// The compiler makes vector code of every step that has no branch and calls no function. Only + - * / occur,
+// in the order written, and no fused multiply-add (-ffp-contract=off), so that a node's result does not
+// depend on the vector length, on its place in a range, or on how many ranks share the grid.
 #pragma once
 
 #include <petscsys.h>
@@ -14,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <type_traits>
 #include <vector>
@@ -22,57 +21,7 @@
 
 namespace stickslip::kernel {
 
-struct Range {
-  const double* u;          // unknowns of the first node
-  const double* amplitude;  // a_i of the first node; nullptr: all are 1
-  double* f;                // right-hand side of the first node; does not overlap u
-  PetscInt count;
-  // psi of the half_width nodes before the range, in order (not read where half_width = 0)
-  const double* before;
-  const double* behind;               // psi of the half_width nodes behind it
-  const double* direction = nullptr;  // of motion, with friction that sticks (`sticking`): 1, -1, 0 at rest
-  PetscInt node = 0;                  // number of the first node, for friction that varies
-};
-
-// A range of nodes: 0..count-1, and psi[-half_width .. count+half_width-1].
-struct NodeRange {
-  const double *psi, *eta, *state;
-  const double* amplitude;
-  double* f;
-  PetscInt count;
-  const double* direction;
-  PetscInt node;
-};
-
-constexpr PetscInt tile_size = 128;
-
-// Calls body(tile) for one tile of the range after the other.
-template <int half_width, int dof, class Body>
-void over_tiles(const Range& r, const Body& body) {
-  constexpr PetscInt margin = 8;  // keeps psi[0] aligned
-  static_assert(half_width <= margin);
-  alignas(64) double psi_and_halo[tile_size + 2 * margin], eta[tile_size], state[dof == 3 ? tile_size : 1];
-  double* const psi = psi_and_halo + margin;
-  for (PetscInt begin = 0; begin < r.count; begin += tile_size) {
-    const PetscInt count = std::min(tile_size, r.count - begin), end = begin + count;
-    const double* u = r.u + begin * dof;
-    // Memory is slow to answer and the unpacking asks in bursts, so it is asked two tiles ahead.
-    if (r.count - begin >= 3 * tile_size)
-      for (PetscInt i = 0; i < tile_size * dof; i += 8) __builtin_prefetch(u + 2 * tile_size * dof + i);
-    for (PetscInt i = 0; i < count; ++i) {
-      psi[i] = u[i * dof];
-      eta[i] = u[i * dof + 1];
-      if constexpr (dof == 3) state[i] = u[i * dof + 2];
-    }
-    for (PetscInt j = 0; j < half_width; ++j) {
-      const PetscInt left = begin - half_width + j, right = end + j;
-      psi[j - half_width] = left < 0 ? r.before[left + half_width] : r.u[left * dof];
-      psi[count + j] = right < r.count ? r.u[right * dof] : r.behind[right - r.count];
-    }
-    body(NodeRange{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count,
-                   r.direction ? r.direction + begin : nullptr, r.node + begin});
-  }
-}
+constexpr PetscInt tile_size = 128;  // nodes whose values stay in the first-level cache
 
 template <int half_width>
 double stencil_sum(const Coefficients& k, const double* psi) {
@@ -85,6 +34,34 @@ double stencil_sum(const Coefficients& k, const double* psi) {
 inline double link_sum(const double* link, const double* psi) {
   return link[1] * (psi[1] - psi[0]) - link[0] * (psi[0] - psi[-1]);
 }
+
+// f_eta = K1 D2 psi; psi has its halo on both sides.
+struct ColumnRange {
+  const double* psi;
+  double* f_eta;
+  PetscInt count;
+  PetscInt node = 0;  // number of the first node, for links that differ
+};
+
+// The same where links differ (medium.hpp): links[k] stands before the node of number k.
+struct StencilOfLinks {
+  std::shared_ptr<const std::vector<double>> links;
+
+  void operator()(const Coefficients&, const ColumnRange& s) const {
+    const double* const link = links->data() + s.node;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < s.count; ++i) s.f_eta[i] = link_sum(link + i, s.psi + i);
+  }
+};
+
+template <int half_width>
+struct StencilOfColumns {
+  void operator()(const Coefficients& coefficients, const ColumnRange& s) const {
+    const Coefficients c = coefficients;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < s.count; ++i) s.f_eta[i] = stencil_sum<half_width>(c, s.psi + i);
+  }
+};
 
 // The direction of node i, 0 at rest; without `sticking` nobody asks for it.
 template <bool sticking>
@@ -135,21 +112,6 @@ void looked_up_force(const F& friction, const double* psi, const double* state, 
   if (amplitude)
     for (PetscInt i = 0; i < count; ++i) force[i] *= amplitude[i];
 }
-// force[i] = a_i F.
-template <bool sticking, class F>
-void friction_force(const F& friction, const NodeRange& t, double* force) {
-  if constexpr (F::looks_up) {
-    looked_up_force<sticking>(friction, t.psi, t.state, t.direction, t.amplitude, t.count, force);
-  } else {
-    for (PetscInt i = 0; i < t.count; ++i)
-      force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i],
-                                       F::has_state ? t.state[i] : 0, direction_at<sticking>(t.direction, i))
-                     .F;
-    if (t.amplitude)
-      for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
-  }
-}
-
 // The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where
 // friction holds the node at rest; its friction then is eta.
 struct NodeRates {
@@ -169,55 +131,85 @@ double moving(const double* direction, PetscInt i) {
     return 1;
 }
 
-// Part::full (half_width >= 1) of a law without a state.
-template <int half_width, class F>
-struct Whole {
-  static_assert(!F::has_state);
-  static constexpr int dof = 2;
-  F friction;
-
-  void operator()(const Coefficients& coefficients, const Range& r) const {
-    const Coefficients c = coefficients;
-    over_tiles<half_width, dof>(r, [&](const NodeRange& t) {
-      alignas(64) double force[tile_size];
-      friction_force<false>(friction, t, force);
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const double coupling = stencil_sum<half_width>(c, t.psi + i);
-        const NodeRates rates = node_rates(c, t.psi[i], t.eta[i], force[i], coupling, 1);
-        t.f[i * dof] = rates.psi;
-        t.f[i * dof + 1] = rates.eta;
-      }
-    });
-  }
+struct Columns {
+  const double *psi, *eta, *state;  // state, f_state: nullptr without a state
+  const double* amplitude;          // nullptr: all are 1
+  const double* coupling;           // K1 D2 psi; may be f_eta
+  double *f_psi, *f_eta, *f_state;
+  PetscInt count;
+  const double* direction = nullptr;  // of motion, with `sticking`: 1, -1, 0 at rest
+  PetscInt node = 0;                  // number of the first node, for friction that varies
+  bool interleaved = false;           // the rates lie node by node
 };
 
-// The same of any friction, in two passes: K1 D2 psi stands in the eta of f already (`coupled`), from a loop
-// that knows no law; or there is none, Part::pointwise. What exp and log cost, or parameters from memory,
-// hides the second pass.
-template <class F, bool sticking = false>
-struct Onto {
+// All that is pointwise, added to the coupling.
+template <class F, bool sticking>
+struct PointwiseOfColumns {
   static constexpr int dof = F::has_state ? 3 : 2;
-  static constexpr bool all_versions = dof == 2;
+  static constexpr bool all_versions = dof == 2 || F::steep;
   F friction;
-  bool coupled;
 
-  void operator()(const Coefficients& coefficients, const Range& r) const {
-    const Coefficients c = coefficients;
-    over_tiles<0, dof>(r, [&](const NodeRange& t) {
+  void operator()(const Coefficients& c, const Columns& k) const {
+    if (k.interleaved)
+      take<dof>(c, k);
+    else
+      take<1>(c, k);
+  }
+
+ private:
+  template <int stride>
+  void take(const Coefficients& c, const Columns& k) const {
+    const F law = friction;  // a copy, which no store can change
+    if constexpr (F::looks_up) {
+      in_tiles<stride>(c, k);
+    } else {
+      const auto force = [law, k](PetscInt i) {
+        return partials_at<sticking>(friction_of(law, k.node + i), k.psi[i], F::has_state ? k.state[i] : 0,
+                                     direction_at<sticking>(k.direction, i))
+            .F;
+      };
+      if (k.amplitude)
+        motion<stride>(law, c, k, [force, k](PetscInt i) { return force(i) * k.amplitude[i]; });
+      else
+        motion<stride>(law, c, k, force);
+    }
+    if constexpr (F::has_state)
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < k.count; ++i)
+        k.f_state[i * stride] = rate_at<sticking>(friction_of(law, k.node + i), k.psi[i], k.state[i],
+                                                  direction_at<sticking>(k.direction, i))
+                                    .g;
+  }
+  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
+  template <int stride, class Force>
+  static void motion(F law, Coefficients c, Columns k, Force force) {
+    double *const f_psi = k.f_psi, *const f_eta = stride == 1 ? k.f_eta : f_psi + 1;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < k.count; ++i) {
+      const NodeRates rates = node_rates(coefficients_at(friction_of(law, k.node + i), c), k.psi[i], k.eta[i],
+                                         force(i), k.coupling[i], moving<sticking>(k.direction, i));
+      f_psi[i * stride] = rates.psi;
+      f_eta[i * stride] = rates.eta;
+    }
+  }
+  // But of a law that is looked up, which takes loops of its own.
+  template <int stride>
+  void in_tiles(const Coefficients& c, const Columns& k) const {
+    for (PetscInt begin = 0; begin < k.count; begin += tile_size) {
+      const auto at = [&](auto* column) { return column ? column + begin : nullptr; };
+      Columns part = k;
+      part.psi += begin;
+      part.eta += begin;
+      part.coupling += begin;
+      part.f_psi += begin * stride;
+      part.f_eta += begin * stride;
+      part.count = std::min(tile_size, k.count - begin);
+      part.direction = at(k.direction);
       alignas(64) double force[tile_size];
-      friction_force<sticking>(friction, t, force);
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const double psi = t.psi[i], coupling = coupled ? t.f[i * dof + 1] : 0;
-        const NodeRates rates = node_rates(coefficients_at(friction_of(friction, t.node + i), c), psi,
-                                           t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
-        t.f[i * dof] = rates.psi;
-        t.f[i * dof + 1] = rates.eta;
-        if constexpr (dof == 3)
-          t.f[i * dof + 2] = rate_at<sticking>(friction_of(friction, t.node + i), psi, t.state[i],
-                                               direction_at<sticking>(t.direction, i))
-                                 .g;
-      }
-    });
+      looked_up_force<sticking>(friction, part.psi, at(k.state), part.direction, at(k.amplitude), part.count,
+                                force);
+      motion<stride>(friction, c, part, [&](PetscInt i) { return force[i]; });
+    }
   }
 };
 
@@ -265,41 +257,26 @@ struct AddTerms {
   }
 };
 
-// Between unknowns that lie node by node and columns.
+// Between unknowns that lie node by node and columns: to the columns, or back.
 struct Interleaved {
   double* u;               // of the first node
   double* const* columns;  // dof of them
   PetscInt count;
 };
 
-template <int dof>
-struct ToColumns {
+template <int dof, bool to_columns>
+struct CopyColumns {
   void operator()(const Interleaved& x) const {
-    const double* const u = x.u;
-    double* const psi = x.columns[0];
-    double* const eta = x.columns[1];
+    double *const u = x.u, *const psi = x.columns[0], *const eta = x.columns[1];
     double* const state = dof == 3 ? x.columns[2] : nullptr;
+    const auto copy = [](double& of_node, double& in_column) {
+      (to_columns ? in_column : of_node) = to_columns ? of_node : in_column;
+    };
 #pragma GCC ivdep
     for (PetscInt i = 0; i < x.count; ++i) {
-      psi[i] = u[i * dof];
-      eta[i] = u[i * dof + 1];
-      if constexpr (dof == 3) state[i] = u[i * dof + 2];
-    }
-  }
-};
-
-template <int dof>
-struct FromColumns {
-  void operator()(const Interleaved& x) const {
-    double* const u = x.u;
-    const double* const psi = x.columns[0];
-    const double* const eta = x.columns[1];
-    const double* const state = dof == 3 ? x.columns[2] : nullptr;
-#pragma GCC ivdep
-    for (PetscInt i = 0; i < x.count; ++i) {
-      u[i * dof] = psi[i];
-      u[i * dof + 1] = eta[i];
-      if constexpr (dof == 3) u[i * dof + 2] = state[i];
+      copy(u[i * dof], psi[i]);
+      copy(u[i * dof + 1], eta[i]);
+      if constexpr (dof == 3) copy(u[i * dof + 2], state[i]);
     }
   }
 };
@@ -331,97 +308,41 @@ struct SumOfSquares {
   }
 };
 
-// Part::wave and, with `stencil_only`, Part::stencil.
-template <int half_width, int unknowns, bool stencil_only>
-struct Wave {
-  static constexpr int dof = unknowns;
-  static constexpr bool all_versions = dof == 2;
-
-  void operator()(const Coefficients& coefficients, const Range& r) const {
-    const Coefficients c = coefficients;
-    over_tiles<half_width, dof>(r, [&](const NodeRange& t) {
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const double psi = t.psi[i], eta = t.eta[i], coupling = stencil_sum<half_width>(c, t.psi + i);
-        t.f[i * dof] = stencil_only ? 0 : c.A * (eta - c.B * psi);
-        t.f[i * dof + 1] = stencil_only ? coupling : c.K0 * (c.v - psi) + coupling - c.s_delta * eta;
-        if constexpr (dof == 3) t.f[i * dof + 2] = 0;
-      }
-    });
-  }
-};
-
-// Part::reaction.
-template <class F>
-struct Reaction {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  static constexpr bool all_versions = dof == 2;
-  F friction;
-
-  void operator()(const Coefficients& coefficients, const Range& r) const {
-    const Coefficients c = coefficients;
-    over_tiles<0, dof>(r, [&](const NodeRange& t) {
-      alignas(64) double force[tile_size];
-      friction_force<false>(friction, t, force);
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const auto& own = coefficients_at(friction_of(friction, t.node + i), c);
-        t.f[i * dof] = -own.A * force[i];
-        t.f[i * dof + 1] = own.s_delta * force[i];
-        if constexpr (dof == 3)
-          t.f[i * dof + 2] = friction_of(friction, t.node + i).rate(t.psi[i], t.state[i]);
-      }
-    });
-  }
-};
-
 // ---- compiled three times on x86-64, for any such processor, AVX2 and AVX-512, chosen when the program runs
-// --------- The attributes belong to one function into which everything is inlined, so that no other code of
-// the program gets instructions that an older processor lacks.
+//
+// The attributes belong to one function into which everything is inlined, so that no other code of the
+// program gets instructions that an older processor lacks.
 
-template <class Loop>
-struct Baseline {
-  Loop loop;
-  template <class... Arguments>
-  __attribute__((flatten)) auto operator()(const Arguments&... arguments) const {
-    return loop(arguments...);
+#define STICKSLIP_VERSION(Name, ...)                                                    \
+  template <class Loop>                                                                 \
+  struct Name {                                                                         \
+    Loop loop;                                                                          \
+    template <class... Arguments>                                                       \
+    __attribute__((__VA_ARGS__)) auto operator()(const Arguments&... arguments) const { \
+      return loop(arguments...);                                                        \
+    }                                                                                   \
   }
-};
-
+STICKSLIP_VERSION(Baseline, flatten);
 #if defined(__x86_64__)
-template <class Loop>
-struct Avx2 {
-  Loop loop;
-  template <class... Arguments>
-  __attribute__((target("avx2"), flatten)) auto operator()(const Arguments&... arguments) const {
-    return loop(arguments...);
-  }
-};
-template <class Loop>
-struct Avx512 {
-  Loop loop;
-  template <class... Arguments>
+STICKSLIP_VERSION(Avx2, target("avx2"), flatten);
 #if defined(__clang__)  // prefers the whole width without being told, and does not know the word
-  __attribute__((target("avx512f,avx512dq,avx512vl"), flatten))
+STICKSLIP_VERSION(Avx512, target("avx512f,avx512dq,avx512vl"), flatten);
 #else
-  __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten))
+STICKSLIP_VERSION(Avx512, target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten);
 #endif
-  auto
-  operator()(const Arguments&... arguments) const {
-    return loop(arguments...);
-  }
-};
 inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 inline bool has_avx512() {
   return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
          __builtin_cpu_supports("avx512vl");
 }
 #else
-template <class Loop>
-using Avx2 = Baseline<Loop>;
-template <class Loop>
-using Avx512 = Baseline<Loop>;
+STICKSLIP_VERSION(Avx2, flatten);
+STICKSLIP_VERSION(Avx512, flatten);
 inline bool has_avx2() { return false; }
 inline bool has_avx512() { return false; }
 #endif
+
+#undef STICKSLIP_VERSION
 
 // The loop in the version that suits this processor.
 template <class Function, class Loop>
@@ -429,6 +350,13 @@ Function compiled(const Loop& loop) {
   if (has_avx512()) return Avx512<Loop>{loop};
   if (has_avx2()) return Avx2<Loop>{loop};
   return Baseline<Loop>{loop};
+}
+
+using Copy = std::function<void(const Interleaved&)>;
+template <bool to_columns>
+Copy copy_loop(int dof) {
+  return dof == 3 ? compiled<Copy>(CopyColumns<3, to_columns>{})
+                  : compiled<Copy>(CopyColumns<2, to_columns>{});
 }
 
 // Calls pick with the half width as a constant.

@@ -1,4 +1,4 @@
-// The loops of loops.hpp, compiled for each law.
+// The loops of loops.hpp, compiled for each law: each kind in a file of its own.
 #pragma once
 
 #include "model/dispatch.hpp"
@@ -6,35 +6,13 @@
 
 namespace stickslip {
 
-// In one pass, of a law without a state that is the same everywhere.
-struct WholeFamily {
-  using Make = RangeLoop (*)(const FrictionParameters&, int half_width);
-  static LawTable<Make>& table();
-
-  template <class L, class S>
-  static RangeLoop make(const FrictionParameters& p, int half_width) {
-    return kernel::for_half_width(half_width, [&](auto hw) {
-      constexpr int constant = decltype(hw)::value;
-      return with_friction<L, S>(p, [](const auto& friction) -> RangeLoop {
-        using F = std::decay_t<decltype(friction)>;
-        if constexpr (F::has_state)
-          return {};
-        else
-          return kernel::compiled<RangeLoop>(kernel::Whole<constant, F>{friction});
-      });
-    });
-  }
-};
-
-// What is pointwise, beside the coupling of nodes or alone.
-using OntoFamily = LoopFamily<RangeLoop, kernel::Onto, bool>;
-template <>
-LawTable<OntoFamily::Make>& OntoFamily::table();
-
-template <class F, bool sticking>
-using ReactionOf = kernel::Reaction<F>;
-using ReactionFamily = LoopFamily<RangeLoop, ReactionOf>;
-template <>
-LawTable<ReactionFamily::Make>& ReactionFamily::table();
+using PointwiseFamily = LoopFamily<PointwiseLoop, kernel::PointwiseOfColumns>;
+using StageFamily = LoopFamily<StageLoop, kernel::SolveStage>;
+using NewtonFamily = LoopFamily<NewtonLoop, kernel::NewtonRound>;
+using TangentFamily = LoopFamily<TangentLoop, kernel::TangentsOfColumns>;
+extern template LawTable<PointwiseFamily::Make>& PointwiseFamily::table();
+extern template LawTable<StageFamily::Make>& StageFamily::table();
+extern template LawTable<NewtonFamily::Make>& NewtonFamily::table();
+extern template LawTable<TangentFamily::Make>& TangentFamily::table();
 
 }  // namespace stickslip

@@ -1,36 +1,39 @@
-// The loops of kernel.hpp as they are chosen for a scene: compiled for each law, half width of the stencil
-// and set of instructions. Law and state law are the only names that a loop goes by; who calls one knows
-// neither.
+// The loops over nodes as they are chosen for a scene: compiled for each law and set of instructions, or for
+// each order. Law and state law are the only names that a loop goes by; who calls one knows neither.
 #pragma once
 
 #include <functional>
 #include <vector>
 
-#include "model/kernel.hpp"
-#include "stickslip/model/friction.hpp"
+#include "model/implicit_kernel.hpp"
+#include "model/newton_kernel.hpp"
+#include "model/tangent_kernel.hpp"
 
 namespace stickslip {
 
-using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::Range&)>;
+// K1 D2 psi; `links`, where they differ, by the numbers of nodes.
+using StencilLoop = std::function<void(const kernel::Coefficients&, const kernel::ColumnRange&)>;
+StencilLoop stencil_loop(const Scene& scene, const std::vector<double>& links = {});
 
-// `places`: friction_places() of this rank's nodes. Part::full; half_width 0: Part::pointwise.
-// `sticking`: with the direction of motion given, for laws that stick. `stencil`: of Part::stencil, where it
-// is not that of the half width.
-RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking,
-                     const FrictionPlaces& places = {}, const RangeLoop& stencil = {});
-// Part::reaction.
-RangeLoop reaction_loop(const FrictionParameters& friction, const FrictionPlaces& places);
+// All that is pointwise; the stage of a method that takes it implicitly, with the number of nodes left
+// unsolved; a round of Newton's method with everything implicit; the derivatives of what is pointwise.
+using PointwiseLoop = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
+using StageLoop = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
+using NewtonLoop =
+    std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
+using TangentLoop = std::function<void(const kernel::Tangents&)>;
+// One of these four. `sticking`: with the direction of motion given, for laws that stick. `places`:
+// friction_places() of the nodes by their numbers.
+template <class Loop>
+Loop loop_for(const FrictionParameters& friction, bool sticking, const FrictionPlaces& places);
+
+// What is pointwise without friction; `medium`: of each node, empty where all are alike.
+PointwiseLoop frictionless_loop(int dof, const std::vector<NodeCoefficients>& medium);
+
 // F of `count` nodes side by side, the first of number `node`, of friction amplitude 1, at psi and the stored
 // state (not read without one), whatever their coefficients.
 using ForceLoop =
     std::function<void(PetscInt node, PetscInt count, const double* psi, const double* state, double* F)>;
 ForceLoop force_loop(const FrictionParameters& friction, FrictionPlaces places);
-// Part::wave or Part::stencil, for so many unknowns a node.
-RangeLoop wave_loop(int dof, int half_width, bool stencil_only);
-
-// Of a medium that differs along x: the loop `same` of Part::stencil, or one with the links where these
-// differ (links_along); and Part::wave with that stencil.
-RangeLoop medium_stencil(int dof, const RangeLoop& same, const std::vector<double>& links);
-RangeLoop medium_wave(int dof, const RangeLoop& stencil, const std::vector<NodeCoefficients>& nodes);
 
 }  // namespace stickslip

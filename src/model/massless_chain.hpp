@@ -13,7 +13,7 @@ namespace stickslip {
 
 class MasslessChain {
  public:
-  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot begin to slip
+  // Throws UsageError, on every rank, where some block cannot begin to slip
   // without a jump. Collective.
   MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law, const std::vector<double>& amplitude,
                 PetscInt first);
@@ -38,9 +38,9 @@ class MasslessChain {
   void add_own(const double* u, const double* slopes, double alpha, double beta, Mat J) const;
 
   MPI_Comm comm_;
-  const Scene& scene_;
-  const Frictions& law_;
-  const std::vector<double>& amplitude_;
+  Scene scene_;
+  Frictions law_;
+  std::vector<double> amplitude_;
   PetscInt first_, local_;
   int dof_;
   double velocity_;  // of the scene's scales

@@ -19,6 +19,7 @@ namespace stickslip::kernel {
 struct Coefficients {
   double A, B, K0, v, s_delta;
   double w[5];
+  double linear = 1;  // 0: of nodes with coefficients of their own B and K0 do not act
 };
 
 // With `factor` in place of K1. Of a medium that differs along x: not a number in the place of what has no
@@ -43,23 +44,32 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
 }
 inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.mean_K1()); }
 
-// Any friction, behind its virtual functions: terms stand beside it, and nodes have coefficients of their
-// own, in loops that are compiled once for all laws and are no vector code.
+// No friction, for what is linear alone.
+template <bool state>
+struct Frictionless {
+  static constexpr bool has_state = state, steep = false, looks_up = false;
+  Partials partials(double, double) const { return {0, 0, 0}; }
+  RatePartials rate_partials(double, double) const { return {0, 0, 0}; }
+};
+
+// Any friction, or none (nullptr), behind its virtual functions: terms stand beside it, and nodes have
+// coefficients of their own, in loops that are compiled once for all laws and are no vector code.
 template <bool state, bool is_smoothed, bool is_steep>
 struct AnyFriction {
   static constexpr bool has_state = state, sticks = true, smoothed = is_smoothed, steep = is_steep;
   std::shared_ptr<const Friction> own;
   std::optional<NodeCoefficients> medium;
 
-  Partials partials(double psi, double s) const { return own->partials(psi, s); }
+  Partials partials(double psi, double s) const { return own ? own->partials(psi, s) : Partials{0, 0, 0}; }
   Partials sliding_partials(double psi, double s, double direction) const {
     return own->sliding_partials(psi, s, direction);
   }
-  RatePartials rate_partials(double psi, double s) const { return own->rate_partials(psi, s); }
+  RatePartials rate_partials(double psi, double s) const {
+    return own ? own->rate_partials(psi, s) : RatePartials{0, 0, 0};
+  }
   RatePartials sliding_rate(double psi, double s, double direction) const {
     return own->sliding_rate(psi, s, direction);
   }
-  double rate(double psi, double s) const { return own->rate(psi, s); }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
     return own->newton_psi(psi, s, psi_new, s_new, mass);
   }
@@ -100,7 +110,8 @@ const Coefficients& coefficients_at(const F&, const Coefficients& c) {
 template <bool... flags>
 Coefficients coefficients_at(const AnyFriction<flags...>& friction, const Coefficients& c) {
   if (!friction.medium) return c;
-  return {friction.medium->A, friction.medium->B, friction.medium->K0, c.v, friction.medium->s_delta, {}};
+  const NodeCoefficients& own = *friction.medium;
+  return {own.A, c.linear * own.B, c.linear * own.K0, c.v, own.s_delta, {}};
 }
 
 }  // namespace stickslip::kernel

@@ -38,8 +38,8 @@ struct ScalesFamily {
  private:
   template <class F>
   static DroppingScales of(const F& f) {
-    DroppingScales scales{traits::scales(f.law)};
-    if constexpr (F::sticks && traits::drops<decltype(f.law)>)
+    DroppingScales scales{f.law.scales()};
+    if constexpr (F::sticks)
       scales.drop = std::max(0., f.law.threshold() - f.law.phi(0., SignFrozen{1}).value);
     return scales;
   }

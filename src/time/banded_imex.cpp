@@ -23,7 +23,7 @@ bool BandedImex::takes(const StageProgram& method) {
 BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implicit, bool sticking)
     : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
       columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
-      coefficients_(kernel::coefficients_with(model.scene(), 1)), stencil_(tile::stencil(model.scene())),
+      coefficients_(kernel::coefficients_with(model.scene(), 1)), stencil_(stencil_loop(model.scene())),
       wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
       right_sides_(kernel::compiled<decltype(right_sides_)>(kernel::RightSides{})) {
   const Scene& scene = model.scene();
@@ -41,8 +41,8 @@ BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implici
     amplitude_ = by_tiles(amplitude_);
   }
   if (sticking) direction_.assign(layout_.size(), 0.);
-  pointwise_ = tile::pointwise(scene, sticking, places);
-  if (implicit == Implicit::both) newton_ = tile::newton_round(scene, sticking, places);
+  pointwise_ = loop_for<PointwiseLoop>(scene.friction, sticking, places);
+  if (implicit == Implicit::both) newton_ = loop_for<NewtonLoop>(scene.friction, sticking, places);
   PetscInt longest = 0;
   for (const BandTile& t : layout_.tiles()) {
     longest = std::max(longest, t.count());
@@ -203,7 +203,7 @@ void BandedImex::take_first(const BandTile& t, const Step& step) const {
   } else {
     std::fill(g_eta, g_eta + t.count(), 0.);
     pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr, of_tile(amplitude_, t),
-                   g_psi, g_eta, columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
+                   g_eta, g_psi, g_eta, columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
                    of_tile(direction_, t), t.at});
     for (PetscInt i = 0; i < t.count(); ++i) g_eta[i] += K1 * d2[i];
   }
@@ -222,7 +222,7 @@ void BandedImex::take_explicit(const BandTile& t, int i) const {
   std::fill(f_eta, f_eta + t.count(), 0.);
   pointwise_(friction,
              {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
-              of_tile(amplitude_, t), slope(0), f_eta, slope(2), t.count(), nullptr, t.at});
+              of_tile(amplitude_, t), f_eta, slope(0), f_eta, slope(2), t.count(), nullptr, t.at});
   for_held(t, [&](PetscInt place, const Combination&) { slope(0)[place] = 0; });
 }
 

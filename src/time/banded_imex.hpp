@@ -21,7 +21,7 @@
 #include "time/imex_columns.hpp"
 #include "time/slave_errors.hpp"
 #include "time/step_errors.hpp"
-#include "time/tile_kernels.hpp"
+#include "model/loops.hpp"
 
 namespace stickslip {
 
@@ -94,9 +94,9 @@ class BandedImex : public StepTaker {
   mutable bool from_start_ = true;  // psi's change is counted from the start of the step, not from 0
   StepErrors errors_;
   SlaveErrors slaves_;
-  tile::Stencil stencil_;
-  tile::Pointwise pointwise_;
-  tile::NewtonRound newton_;
+  StencilLoop stencil_;
+  PointwiseLoop pointwise_;
+  NewtonLoop newton_;
   std::function<void(const kernel::Coefficients&, const kernel::Round&)> wave_;
   std::function<void(const kernel::Round&, double*)> right_sides_;
 };

@@ -25,8 +25,8 @@ ClusterSteps::ClusterSteps(const Model& model, const Tolerances& tolerances)
       tolerances_(tolerances), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()),
       K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
-      links_(links_along(scene_, 0, scene_.n)), stencil_(tile::stencil(scene_, links_)),
-      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, scene_.n))),
+      links_(links_along(scene_, 0, scene_.n)), stencil_(stencil_loop(scene_, links_)),
+      pointwise_(loop_for<PointwiseLoop>(scene_.friction, true, friction_places(scene_, 0, scene_.n))),
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   if (halts(scene_)) coefficients_.v = 0;  // as long as there is a cluster
   method_->set_subtype(TSRK5DP);
@@ -98,7 +98,7 @@ void ClusterSteps::slope_of(const Cluster& c, double t, double* u, double* f, Pa
   if (loaded_) coefficients.v = scene_.load.in_piece(scene_.load.piece_from(c.t0), t);
   if (links_.empty()) stencil_(coefficients, {u + psi, f + eta, PetscInt(count)});
   const double* driving = u + eta;
-  if (N_ > 0) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
+  if (N_ > 0) {  // in the order of model/right_hand_side.cpp, so that it is the same to the last bit
     d2_.assign(f + eta, f + eta + count);
     forces_[0].resize(count);
     for (std::size_t k = 0; k < count; ++k) {
@@ -111,9 +111,10 @@ void ClusterSteps::slope_of(const Cluster& c, double t, double* u, double* f, Pa
     const PetscInt i = node(c, k), at = k - nodes.begin;
     end = std::min(nodes.end, k + scene_.n - i);
     if (!links_.empty()) stencil_(coefficients, {u + psi + at, f + eta + at, end - k, i});
-    pointwise_(coefficients, {u + psi + at, driving + at, dof_ == 3 ? u + state + at : nullptr,
-                              c.amplitude.empty() ? nullptr : &c.amplitude[k], f + psi + at, f + eta + at,
-                              dof_ == 3 ? f + state + at : nullptr, end - k, &c.direction[k], i});
+    pointwise_(coefficients,
+               {u + psi + at, driving + at, dof_ == 3 ? u + state + at : nullptr,
+                c.amplitude.empty() ? nullptr : &c.amplitude[k], f + eta + at, f + psi + at, f + eta + at,
+                dof_ == 3 ? f + state + at : nullptr, end - k, &c.direction[k], i});
   }
   for (std::size_t k = 0; k < count && N_ > 0; ++k) f[eta + k] += K1_ * d2_[k];
   for (const PetscInt i : {PetscInt(0), scene_.n - 1}) {

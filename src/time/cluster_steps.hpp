@@ -12,7 +12,7 @@
 #include "stickslip/model/model.hpp"
 #include "time/fused_methods.hpp"
 #include "model/stick_rule.hpp"
-#include "time/tile_kernels.hpp"
+#include "model/loops.hpp"
 
 namespace stickslip {
 
@@ -116,8 +116,8 @@ class ClusterSteps {
   kernel::Coefficients coefficients_;
   std::array<std::vector<Combination>, 2> ends_;  // of a line: the nodes beyond each
   std::vector<double> links_;                     // where they differ (links_along)
-  tile::Stencil stencil_;
-  tile::Pointwise pointwise_;
+  StencilLoop stencil_;
+  PointwiseLoop pointwise_;
   std::function<void(const kernel::Terms&)> add_;
   stick_rule::Candidates candidates_;
   std::array<std::vector<double>, 4> forces_;  // with viscosity: eta + N D2 psi

@@ -91,8 +91,8 @@ TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticki
       coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().mean_K1())),
       additive_(method.additive()), last_is_new_(ends_at_last_stage(method)), target_(method.target),
       K1_(model.scene().mean_K1()), N_(model.scene().N()), solve_(tiles_, sticking),
-      stencil_(tile::stencil(model.scene(), tiles_.links())),
-      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {
+      stencil_(stencil_loop(model.scene(), tiles_.links())),
+      pointwise_(loop_for<PointwiseLoop>(model.scene().friction, sticking, tiles_.places())) {
   const int s = method.stages;
   for (int i = 0; i < s; ++i) {
     const double* const of_g = additive_ ? &method.At[i * s] : nullptr;
@@ -227,7 +227,7 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
   const bool has_state = tiles_.dof() == 3, resists = viscous();
   const double* eta = at(t, index, 1, begin);
   double *const d2 = resists ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
-  if (resists) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
+  if (resists) {  // in the order of model/right_hand_side.cpp, so that it is the same to the last bit
     double* const driving = at(t, driving_, 1, begin);
 #pragma GCC ivdep
     for (PetscInt i = 0; i < end - begin; ++i) {
@@ -239,7 +239,7 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
   }
   pointwise_(
       c, {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr, tiles_.amplitude(begin),
-          at(t, slope, 0, begin), at(t, slope, 1, begin), has_state ? at(t, slope, 2, begin) : nullptr,
+          f_eta, at(t, slope, 0, begin), at(t, slope, 1, begin), has_state ? at(t, slope, 2, begin) : nullptr,
           end - begin, tiles_.direction(begin), tiles_.number(begin)});
   for (PetscInt i = 0; i < end - begin && resists; ++i) f_eta[i] += K1_ * d2[i];
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });

@@ -18,7 +18,6 @@
 #include "time/pointwise_solve.hpp"
 #include "numerics/stage_program.hpp"
 #include "time/slave_errors.hpp"
-#include "time/tile_kernels.hpp"
 #include "time/tiles.hpp"
 
 namespace stickslip {
@@ -102,8 +101,8 @@ class TiledStep : public StepTaker {
   Row error_;        // empty: no estimate of the error
   double K1_, N_;    // where neighbours have viscosity
   PointwiseSolve solve_;
-  tile::Stencil stencil_;
-  tile::Pointwise pointwise_;
+  StencilLoop stencil_;
+  PointwiseLoop pointwise_;
   SlaveErrors slaves_;
 };
 

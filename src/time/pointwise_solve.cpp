@@ -3,7 +3,8 @@
 namespace stickslip {
 
 PointwiseSolve::PointwiseSolve(const Tiles& tiles, bool sticking)
-    : tiles_(tiles), solve_stage_(tile::solve_stage(tiles.model().scene(), sticking, tiles.places())) {}
+    : tiles_(tiles),
+      solve_stage_(loop_for<StageLoop>(tiles.model().scene().friction, sticking, tiles.places())) {}
 
 long PointwiseSolve::operator()(const Tile& t, const Where& where, const Asked& asked, PetscInt begin,
                                 PetscInt end) const {

@@ -2,7 +2,7 @@
 // implicit-explicit step, and the middle of a leapfrog step.
 #pragma once
 
-#include "time/tile_kernels.hpp"
+#include "model/loops.hpp"
 #include "time/tiles.hpp"
 
 namespace stickslip {
@@ -32,7 +32,7 @@ class PointwiseSolve {
              bool held) const;
 
   const Tiles& tiles_;
-  tile::SolveStage solve_stage_;
+  StageLoop solve_stage_;
 };
 
 }  // namespace stickslip

@@ -5,7 +5,7 @@
 namespace stickslip {
 
 SlaveErrors::SlaveErrors(const Scene& scene, const FrictionPlaces& places) {
-  if (!scene.massless() && Frictions(scene, 0, 1)[0].steep) tangents_ = tile::tangents(scene, false, places);
+  if (!scene.massless() && Frictions(scene, 0, 1)[0].steep) tangents_ = loop_for<TangentLoop>(scene.friction, false, places);
 }
 
 void SlaveErrors::operator()(const Columns& c,

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "stickslip/model/scene.hpp"
-#include "time/tile_kernels.hpp"
+#include "model/loops.hpp"
 
 namespace stickslip {
 
@@ -37,7 +37,7 @@ class SlaveErrors {
   void operator()(const Columns& c, const std::function<NodeCoefficients(PetscInt i)>& coefficients) const;
 
  private:
-  tile::NodeTangents tangents_;
+  TangentLoop tangents_;
   mutable std::vector<double> F_psi_, F_state_, g_psi_, g_state_;
 };
 

@@ -37,12 +37,8 @@ void add_to_row(Row& row, const double* weights, int count, int first) {
 Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
     : model_(model), dof_(model.dof()), half_width_(model.scene().order / 2), first_(model.first()),
       local_(model.local()), n_(model.scene().n), closed_(is_closed(model, stages)),
-      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
-  using Copy = std::function<void(const kernel::Interleaved&)>;
-  to_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{})
-                          : kernel::compiled<Copy>(kernel::ToColumns<2>{});
-  from_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::FromColumns<3>{})
-                            : kernel::compiled<Copy>(kernel::FromColumns<2>{});
+      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
+      to_columns_(kernel::copy_loop<true>(dof_)), from_columns_(kernel::copy_loop<false>(dof_)) {
   const bool open_ring = model.scene().ring() && !closed_;
   constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
   low_ = open_ring ? -none : -first_;

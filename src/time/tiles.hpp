@@ -118,7 +118,7 @@ class Tiles {
   std::vector<std::vector<std::pair<PetscInt, double>>> left_end_, right_end_;
   std::function<void(const kernel::Terms&)> add_;
   StepErrors errors_;
-  std::function<void(const kernel::Interleaved&)> to_columns_, from_columns_;
+  kernel::Copy to_columns_, from_columns_;
   ScatterHandle scatter_;
   VecHandle fetched_, going_;          // going_: the direction in place of psi, to be fetched
   static constexpr PetscInt pad_ = 8;  // room for the nodes beyond an end

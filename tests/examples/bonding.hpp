@@ -3,10 +3,10 @@
 
 namespace stickslip {
 
-struct Bonding {
+struct Bonding : StateDefaults {
   static constexpr const char *name = "bonding", *symbol = "bonds", *unit = "1";
   static constexpr const char* meaning = "contact state: share of the bonds that have formed";
-  static constexpr bool logarithmic = false;
+  static constexpr bool logarithmic = false, is_factor = true;
   double t_h = 1, b = 0.5, D = 1;
   static std::vector<Declared<Bonding>> parameters() {
     using R = Parameter::Range;

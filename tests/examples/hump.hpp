@@ -3,7 +3,7 @@
 
 namespace stickslip {
 
-struct Hump {
+struct Hump : LawDefaults {
   static constexpr const char* name = "hump";
   static constexpr bool jumps_at_rest = false;
   double top = 1;

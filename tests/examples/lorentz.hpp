@@ -3,7 +3,7 @@
 
 namespace stickslip {
 
-struct Lorentz {
+struct Lorentz : LawDefaults {
   static constexpr const char* name = "lorentz";
   static constexpr bool jumps_at_rest = true;
   static std::vector<Declared<Lorentz>> parameters() { return {}; }

@@ -47,6 +47,8 @@ inline bool has_stencil(Part part) {
 inline bool has_friction(Part part) {
   return part == Part::full || part == Part::pointwise || part == Part::reaction;
 }
+// what is linear in psi and eta of the node itself
+inline bool has_linear(Part part) { return part != Part::stencil && part != Part::reaction; }
 
 // The Jacobian of a node's own rates by its own unknowns: row_column. eta does not drive the state.
 struct NodeBlock {
@@ -55,7 +57,10 @@ struct NodeBlock {
   double state_psi = 0, state_state = 0;
 
   // The rows one behind the other, dof (2 or 3) entries each.
-  void write(int dof, double* rows) const;
+  void write(int dof, double* rows) const { write(dof, rows, std::size_t(dof), 1, 0); }
+  // beta times it, and alpha on its diagonal, the rows `width` apart; besides added in the column of psi.
+  void write(int dof, double* rows, std::size_t width, double beta, double alpha, double psi_by_psi = 0,
+             double eta_by_psi = 0) const;
 };
 
 // The same without mass, of eta and the state.
@@ -159,8 +164,7 @@ inline NodeBlock LinearPoint::block(Part part, double kappa2) const {
     b.psi_psi = -A * N * kappa2;
     b.eta_psi = (s_delta * N - K1) * kappa2;
   }
-  if (part == Part::stencil) return b;
-  if (part != Part::reaction) {
+  if (has_linear(part)) {
     b.psi_psi -= A * B;
     b.psi_eta = A;
     b.eta_psi += -K0;
@@ -185,17 +189,19 @@ inline NodeBlock LinearPoint::block_at_rest(Part part) const {
   return b;
 }
 
-inline void NodeBlock::write(int dof, double* rows) const {
-  rows[0] = psi_psi;
-  rows[1] = psi_eta;
-  rows[dof] = eta_psi;
-  rows[dof + 1] = eta_eta;
+inline void NodeBlock::write(int dof, double* psi, std::size_t width, double beta, double alpha,
+                             double psi_by_psi, double eta_by_psi) const {
+  double *const eta = psi + width, *const state = eta + width;
+  psi[0] = beta * psi_psi + alpha + psi_by_psi;
+  psi[1] = beta * psi_eta;
+  eta[0] = beta * eta_psi + eta_by_psi;
+  eta[1] = beta * eta_eta + alpha;
   if (dof == 2) return;
-  rows[2] = psi_state;
-  rows[5] = eta_state;
-  rows[6] = state_psi;
-  rows[7] = 0;
-  rows[8] = state_state;
+  psi[2] = beta * psi_state;
+  eta[2] = beta * eta_state;
+  state[0] = beta * state_psi;
+  state[1] = 0;
+  state[2] = beta * state_state + alpha;
 }
 
 inline MasslessBlock LinearPoint::massless_block(double kappa2) const {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,12 +35,12 @@ class Model {
   ~Model();
   Model(Model&&) noexcept;
 
-  const Scene& scene() const;
-  MPI_Comm comm() const;
-  int dof() const;         // 2, or 3 with a state law
-  PetscInt first() const;  // first node of this rank
-  PetscInt local() const;  // nodes of this rank
-  bool held(PetscInt node) const;
+  const Scene& scene() const { return scene_; }
+  MPI_Comm comm() const { return comm_; }
+  int dof() const { return dof_; }           // 2, or 3 with a state law
+  PetscInt first() const { return first_; }  // first node of this rank
+  PetscInt local() const { return local_; }  // nodes of this rank
+  bool held(PetscInt node) const { return scene_.held(node); }
   PetscInt unknowns() const;  // solved for, over all ranks: held nodes' psi and eta are not
 
   VecHandle create_vector() const;  // block size dof(). Collective
@@ -50,14 +51,14 @@ class Model {
   // pointwise and stencil, not by wave and reaction, in each of which eta and F stand alone. nullptr: the
   // sign of psi decides, and nothing sticks.
   void set_direction(const double* direction) const;
-  const double* direction() const;  // as it was given; not collective
+  const double* direction() const { return direction_; }  // as it was given; not collective
 
   // With loads v(t), N(t) (load.hpp), which rhs() takes at the time said last: at t, in the piece of the load
   // that begin_load() has said, the one that begins at its t or holds it. Friction and its slopes, below, are
   // those of that time too. Without a load they do nothing. Not collective.
   void begin_load(double t) const;
   void set_time(double t) const;
-  double time() const;                     // said last
+  double time() const { return time_; }    // said last
   double plate_velocity(double t) const;   // v, or v(t) in that piece
   NormalLoad normal_load(double t) const;  // likewise
   // What a step of the normal load at t, where one piece ends and another begins, does to the state.
@@ -74,12 +75,12 @@ class Model {
   std::string velocity_jump(Vec u) const;
   // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that
   // is the force held against the threshold.
-  bool viscous() const;
+  bool viscous() const { return scene_.N() > 0; }
   // N D2 psi in the place of eta, 0 elsewhere; of a viscous scene alone. At a held end of the continuum D2 is
   // of order p - 2 (stencil.hpp). Collective.
   void viscous_force(Vec u, Vec into) const;
-  long rhs_evaluations() const;              // of every part, since the start
-  void count_evaluations(long count) const;  // made by others (fused_step)
+  long rhs_evaluations() const { return evaluations_; }                // of every part, since the start
+  void count_evaluations(long count) const { evaluations_ += count; }  // made by others (fused_step)
 
   // A matrix with the pattern of the Jacobian of `part` (block size dof(); BAIJ, AIJ without a stencil).
   MatHandle create_jacobian(Part part) const;
@@ -99,7 +100,7 @@ class Model {
   void set_held(Vec u) const;
 
   // The amplitude a_i of friction at this rank's nodes (all 1 without spread and profile), without N(t).
-  const std::vector<double>& amplitude() const;
+  const std::vector<double>& amplitude() const { return amplitude_; }
 
   // The coefficients of a node of this rank, which are those of the scene where they do not differ along x;
   // the largest A (B + slope) over all nodes, collective.
@@ -108,16 +109,20 @@ class Model {
 
   // The scene's friction, of amplitude 1. Where it varies along x there is no one friction: UsageError.
   const Friction& friction_law() const;
-  const Friction& friction_law(PetscInt local_node) const;
-  SlopeBounds slope_bounds() const;  // the largest over all nodes
+  const Friction& friction_law(PetscInt local_node) const { return (*law_)[local_node]; }
+  SlopeBounds slope_bounds() const { return slope_bounds_; }  // the largest over all nodes
   // Pointwise response of node `local_node` of this rank: F and partials are multiplied by a_i.
   Partials friction(PetscInt local_node, double psi, double state) const;
   LinearPoint linear_point(PetscInt local_node, double psi, double state) const;
-  RatePartials state_rate(PetscInt local_node, double psi, double state) const;
-  RatePartials state_rate(double psi, double state) const;  // of friction_law()
+  RatePartials state_rate(PetscInt local_node, double psi, double state) const {
+    return friction_law(local_node).rate_partials(psi, state);
+  }
+  RatePartials state_rate(double psi, double state) const { return friction_law().rate_partials(psi, state); }
   // The stored state at which g = 0.
-  double steady_state(PetscInt local_node, double psi) const;
-  double steady_state(double psi) const;  // of friction_law()
+  double steady_state(PetscInt local_node, double psi) const {
+    return friction_law(local_node).steady_state(psi);
+  }
+  double steady_state(double psi) const { return friction_law().steady_state(psi); }
 
   // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and max |A (B +
   // F_psi)| + |s delta| over the nodes at u. Of a massless chain: that of wave_frequency() below, and the
@@ -126,8 +131,37 @@ class Model {
   double friction_rate(Vec u) const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  double factor(PetscInt i) const { return factors_.empty() ? amplitude_[i] : factors_[i]; }
+  LinearPoint without_friction(PetscInt local_node) const;
+  void share_nodes();
+  void bound_slopes();
+  void set_normal(const NormalLoad& normal) const;
+  Vec settle_copy(Vec u) const;
+  template <class Take>
+  void over_ranges(Vec u, Vec f, bool coupled, const Take& take) const;
+  template <class Body>
+  void for_held(const Body& body) const;
+
+  MPI_Comm comm_;
+  Scene scene_;
+  int dof_;
+  PetscInt first_ = 0, local_ = 0;
+  std::optional<Frictions> law_;
+  SlopeBounds slope_bounds_;
+  std::vector<double> amplitude_;
+  LinearPoint no_friction_;
+  std::vector<NodeCoefficients> medium_;  // of this rank's nodes; none where all have the same
+  mutable int load_piece_ = 0, normal_piece_ = 0;
+  mutable double time_ = 0, v_;  // said last; v(t) then
+  // of a normal load that varies, at the time said last: N a_i, and what it does to the rate of the state
+  mutable std::vector<double> factors_, ageing_;
+  std::vector<double> response_;  // Scene::state_response() of each node, where it is not 0
+  mutable const double* direction_ = nullptr;
+  mutable VecHandle settled_;  // of a massless chain: u with its psi
+  mutable long evaluations_ = 0;
+  std::unique_ptr<const class RightHandSide> right_hand_side_;
+  std::unique_ptr<const class MasslessChain> massless_;
+  std::unique_ptr<const class PsiHalo> halo_;
 };
 
 // Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)). A massless chain has no

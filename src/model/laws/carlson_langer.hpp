@@ -18,7 +18,7 @@ WithSlopeOf<Real> falling(Real y) {
   return {value, slope};
 }
 
-struct CarlsonLanger {
+struct CarlsonLanger : LawDefaults {
   static constexpr const char* name = "carlson-langer";
   static constexpr bool jumps_at_rest = true;
   double sigma = 0, alpha = 0.5;

@@ -8,7 +8,7 @@
 
 namespace stickslip {
 
-struct Coulomb {
+struct Coulomb : LawDefaults {
   static constexpr const char* name = "coulomb";
   static constexpr bool jumps_at_rest = true;
   double fs = 1, fd = 0.5, slip_velocity = 1e-2;

@@ -5,7 +5,7 @@
 
 namespace stickslip {
 
-struct Cubic {
+struct Cubic : LawDefaults {
   static constexpr const char* name = "cubic";
   static constexpr bool jumps_at_rest = false;
   static constexpr bool van_der_pol = true;

@@ -7,11 +7,11 @@
 
 namespace stickslip {
 
-struct Dieterich {
+struct Dieterich : LawDefaults {
   static constexpr const char* name = "dieterich";
   static constexpr const char* only_for = "psi > 0";
   static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true;
+  static constexpr bool takes_state = true, steep = true;
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;
   static std::vector<Declared<Dieterich>> parameters() {
     using R = Parameter::Range;

@@ -57,9 +57,9 @@ struct DirectEffect {
 
 // Of a law L with a, psi0, exponent(s) and evolution(s): the l above, and a times its derivative.
 template <class L>
-struct OfDirectEffect {
+struct OfDirectEffect : LawDefaults {
   static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true;
+  static constexpr bool takes_state = true, steep = true;
 
   template <class Real>
   PartialsOf<Real> partials(Real psi, Real s) const {

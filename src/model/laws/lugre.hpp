@@ -9,7 +9,7 @@
 namespace stickslip {
 
 // The rate, which needs the law's parameters, stands with the laws.
-struct Bristles {
+struct Bristles : StateDefaults {
   static constexpr const char *name = "bristles", *symbol = "z", *unit = "length";
   static constexpr const char* meaning = "contact state: deflection of the bristles";
   static constexpr bool logarithmic = false;
@@ -19,9 +19,9 @@ struct Bristles {
 
 // Of a law L with sigma0, sigma1, sigma2 and largest(psi), the deflection g of steady motion with its slope.
 template <class L>
-struct OfBristles {
+struct OfBristles : LawDefaults {
   static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true;
+  static constexpr bool takes_state = true, has_rate = true;
   using State = Bristles;
 
   template <class Real>

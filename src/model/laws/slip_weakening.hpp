@@ -10,7 +10,7 @@
 
 namespace stickslip {
 
-struct SlipMemory {
+struct SlipMemory : StateDefaults {
   static constexpr const char *name = "slip-memory", *symbol = "slip", *unit = "length";
   static constexpr const char* meaning = "contact state: slip since rest";
   static constexpr bool logarithmic = false;
@@ -31,9 +31,9 @@ struct SlipMemory {
   double time_at_rest(double) const { return t_h; }
 };
 
-struct SlipWeakening {
+struct SlipWeakening : LawDefaults {
   static constexpr const char* name = "slip-weakening";
-  static constexpr bool jumps_at_rest = true;
+  static constexpr bool jumps_at_rest = true, has_factor = true;
   using State = SlipMemory;
   double fs = 1, fd = 0.5, Dc = 1, linear = 0;
   static std::vector<Declared<SlipWeakening>> parameters() {

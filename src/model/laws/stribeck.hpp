@@ -23,7 +23,7 @@ WithSlopeOf<Real> stribeck_fall(Real a, double vs, double p) {
   return {e, -e * p * power * (p == 1 ? 1 : elementary::sign_of(value_of(a))) / vs};
 }
 
-struct Stribeck {
+struct Stribeck : LawDefaults {
   static constexpr const char* name = "stribeck";
   static constexpr bool jumps_at_rest = true;
   double fc = 0.5, fs = 1, vs = 1, p = 2, viscous = 0;

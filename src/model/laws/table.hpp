@@ -9,9 +9,9 @@
 
 namespace stickslip {
 
-struct MeasuredCurve {
+struct MeasuredCurve : LawDefaults {
   static constexpr const char* name = "table";
-  static constexpr bool jumps_at_rest = true;
+  static constexpr bool jumps_at_rest = true, takes_points = true, looks_up = true;
   static constexpr int continuous_derivatives = 1;
   double beyond = 0;
   std::shared_ptr<const FrictionCurve> curve;

@@ -5,7 +5,7 @@
 
 namespace stickslip {
 
-struct Tanh {
+struct Tanh : LawDefaults {
   static constexpr const char* name = "tanh";
   static constexpr bool jumps_at_rest = false;
   double fc = 0.5, vs = 1;

@@ -5,7 +5,7 @@
 
 namespace stickslip {
 
-struct Ageing {
+struct Ageing : StateDefaults {
   static constexpr const char *name = "ageing", *symbol = "theta", *unit = "time";
   static constexpr const char* meaning = "contact state: age";
   static constexpr bool logarithmic = true;

@@ -6,7 +6,7 @@
 
 namespace stickslip {
 
-struct AgeingCutoff {
+struct AgeingCutoff : StateDefaults {
   static constexpr const char *name = "ageing-cutoff", *symbol = "theta", *unit = "time";
   static constexpr const char* meaning = "contact state: age";
   static constexpr bool logarithmic = true;

@@ -7,6 +7,7 @@ namespace stickslip {
 
 struct ContactAge : Ageing {
   static constexpr const char* name = "contact-age";
+  static constexpr bool is_factor = true;
   double b = 0.1, theta0 = 1;
   static std::vector<Declared<ContactAge>> parameters() {
     using R = Parameter::Range;

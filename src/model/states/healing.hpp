@@ -6,11 +6,11 @@
 
 namespace stickslip {
 
-struct Healing {
+struct Healing : StateDefaults {
   static constexpr const char *name = "healing", *symbol = "tau", *unit = "1";
   static constexpr const char* meaning = "contact state: strength over that of fresh contacts";
   static constexpr bool logarithmic = false;
-  static constexpr bool needs_threshold = true;
+  static constexpr bool is_factor = true, needs_threshold = true;
   double t_h = 1, tau_inf = 2, D = 1;
   static std::vector<Declared<Healing>> parameters() {
     using R = Parameter::Range;

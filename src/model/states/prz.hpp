@@ -8,7 +8,7 @@
 
 namespace stickslip {
 
-struct PerrinRiceZheng {
+struct PerrinRiceZheng : StateDefaults {
   static constexpr const char *name = "prz", *symbol = "theta", *unit = "time";
   static constexpr const char* meaning = "contact state: age";
   static constexpr bool logarithmic = true;

@@ -6,7 +6,7 @@
 
 namespace stickslip {
 
-struct Slip {
+struct Slip : StateDefaults {
   static constexpr const char *name = "slip", *symbol = "theta", *unit = "time";
   static constexpr const char* meaning = "contact state: age";
   static constexpr bool logarithmic = true;

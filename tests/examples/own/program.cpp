@@ -8,7 +8,7 @@
 
 namespace {
 
-struct MyCubic {
+struct MyCubic : stickslip::LawDefaults {
   static constexpr const char* name = "my-cubic";
   static constexpr bool jumps_at_rest = false;
   double scale = 1;
