@@ -7,11 +7,11 @@ set(share ${CMAKE_INSTALL_DATADIR}/stickslip)
 install(TARGETS stickslip stickslip_core stickslip_laws EXPORT stickslip)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/stickslip DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 # What laws are made of, and what is compiled for each: commands/register_law.hpp and all that it includes.
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/model ${PROJECT_SOURCE_DIR}/src/numerics ${PROJECT_SOURCE_DIR}/src/time
-                  ${PROJECT_SOURCE_DIR}/src/commands DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stickslip/source FILES_MATCHING
-        PATTERN "laws/*.hpp" PATTERN "states/*.hpp" PATTERN "*kernel*.hpp" PATTERN "*_famil*.hpp" PATTERN "friction_*.hpp"
-        PATTERN "law*.hpp" PATTERN "loops.hpp" PATTERN "dispatch.hpp" PATTERN "node_parameters.hpp" PATTERN "elementary.hpp" PATTERN "jet.hpp"
-        PATTERN "register_law.hpp")
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/model ${PROJECT_SOURCE_DIR}/src/numerics ${PROJECT_SOURCE_DIR}/src/commands
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stickslip/source FILES_MATCHING
+        PATTERN "laws/*.hpp" PATTERN "states/*.hpp" PATTERN "*_family.hpp" PATTERN "friction_*.hpp" PATTERN "law*.hpp"
+        PATTERN "dispatch.hpp" PATTERN "model/kernel.hpp" PATTERN "node_parameters.hpp" PATTERN "elementary.hpp"
+        PATTERN "jet.hpp" PATTERN "register_law.hpp")
 install(EXPORT stickslip NAMESPACE stickslip:: DESTINATION ${package} FILE stickslipTargets.cmake)
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/stickslipConfig.cmake.in
                               ${PROJECT_BINARY_DIR}/generated/stickslipConfig.cmake INSTALL_DESTINATION ${package})

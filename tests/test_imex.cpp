@@ -417,6 +417,7 @@ TEST_CASE("of several solutions of a stage none is taken that the step does not 
   const Cubic cubic;
   const auto phi = [&](double psi) { return cubic.phi(psi, SignExact()).value; };
   const Product<Cubic, SignExact, NoState> friction{cubic, {}, {}};
+  using Source = kernel::Within<Product<Cubic, SignExact, NoState>, false, false>;
   kernel::Coefficients c{};
   c.A = 1;
   int refused = 0, taken = 0;
@@ -437,8 +438,7 @@ TEST_CASE("of several solutions of a stage none is taken that the step does not 
         stage.target = 1e-12;
         stage.strict = true;
         stage.count = 1;
-        const long unsolved =
-            kernel::SolveStage<Product<Cubic, SignExact, NoState>, false>{friction}(c, stage);
+        const long unsolved = kernel::SolveStage<Source>{{friction}}(c, stage);
         const double R = z_psi + h * z_eta;
         const auto residual = [&](double p) { return p + h * phi(p) - R; };
         const auto slope = [&](double p) { return 1 + h * (p * p - 1); };

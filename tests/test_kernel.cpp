@@ -5,8 +5,7 @@
 #include <vector>
 
 #include "catch.hpp"
-#include "model/dispatch.hpp"
-#include "model/kernel.hpp"
+#include "model/law_family.hpp"
 #include "model/right_hand_side.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
@@ -55,8 +54,39 @@ std::vector<double> same_bits(const Loop& loop, const Call& call) {
   return whole;
 }
 
+// The columns of a law, as it stands for a node by itself.
 template <class F>
-void check_friction(const F& friction, bool spread) {
+void check_columns(const F& friction) {
+  const Field x;
+  const auto call = [&](const auto& loop, PetscInt begin, PetscInt end, std::vector<double>& values) {
+    const auto of = [&](const std::vector<double>& v, PetscInt from) {
+      return std::vector<double>(v.begin() + begin + from, v.begin() + end + from);
+    };
+    const auto psi = of(x.psi, margin), s = of(x.state, 0);
+    std::vector<double> columns[6];
+    for (auto& column : columns) column.resize(psi.size());
+    const auto at = [&](int j) { return columns[j].data(); };
+    loop(LawTile{psi.data(), s.data(), nullptr, end - begin},
+         LawValues{at(0), at(1), at(2), at(3), at(4), at(5)});
+    values.resize(6 * count);
+    for (int j = 0; j < 6; ++j)
+      std::copy(columns[j].begin(), columns[j].end(), values.begin() + j * count + begin);
+  };
+  same_bits(LawRates<F, false>{friction}, call);
+  const std::vector<double> all = same_bits(LawPartials<F, false>{friction}, call);
+  for (std::size_t i = 0; i < std::size_t(count); ++i) {
+    const double psi = x.psi[i + margin], s = F::has_state ? x.state[i] : 0;
+    const Partials p = friction.partials(psi, s);
+    const RatePartials g = friction.rate_partials(psi, s);
+    const double values[] = {p.F, p.F_psi, p.F_state, g.g, g.g_psi, g.g_state};
+    for (int j = 0; j < (F::has_state ? 6 : 2); ++j)
+      CHECK(std::abs(all[std::size_t(j * count) + i] - values[j]) <= 1e-14 * (1 + std::abs(values[j])));
+  }
+}
+
+// `friction`: what the source says, for a node by itself.
+template <class Source, class F>
+void check_friction(const Source& source, const F& friction, bool spread) {
   const Field x;
   const auto call = [&](const auto& loop, PetscInt begin, PetscInt end, std::vector<double>& rates) {
     // copies of the range alone, so that the sanitizers see every access outside it
@@ -65,16 +95,17 @@ void check_friction(const F& friction, bool spread) {
     };
     const auto psi = of(x.psi, margin), eta = of(x.eta, 0), s = of(x.state, 0), a = of(x.amplitude, 0);
     std::vector<double> f_psi(psi.size()), f_eta = of(x.coupling, 0), f_state(psi.size());
-    loop(k, Columns{psi.data(), eta.data(), F::has_state ? s.data() : nullptr, spread ? a.data() : nullptr,
+    const double* const state = Source::has_state ? s.data() : nullptr;
+    loop(k, Columns{psi.data(), eta.data(), state, spread ? a.data() : nullptr,
                     f_eta.data(), f_psi.data(), f_eta.data(), f_state.data(), end - begin});
     std::copy(f_psi.begin(), f_psi.end(), rates.begin() + begin);
     std::copy(f_eta.begin(), f_eta.end(), rates.begin() + count + begin);
     std::copy(f_state.begin(), f_state.end(), rates.begin() + 2 * count + begin);
   };
-  const std::vector<double> rates = same_bits(PointwiseOfColumns<F, false>{friction}, call);
+  const std::vector<double> rates = same_bits(PointwiseOfColumns<Source>{source}, call);
   double worst = 0;
   for (std::size_t i = 0; i < std::size_t(count); ++i) {
-    const double psi = x.psi[i + margin], eta = x.eta[i], s = F::has_state ? x.state[i] : 0;
+    const double psi = x.psi[i + margin], eta = x.eta[i], s = Source::has_state ? x.state[i] : 0;
     const double force = (spread ? x.amplitude[i] : 1) * friction.partials(psi, s).F;
     worst = std::max(
         {worst, std::abs(rates[i] - k.A * (eta - k.B * psi - force)),
@@ -83,6 +114,19 @@ void check_friction(const F& friction, bool spread) {
   }
   CHECK(worst < 1e-14);  // some ten terms of at most 4, each rounded by 1e-16 of itself
 }
+
+template <class F>
+void check_law(const F& friction) {
+  check_columns(friction);
+  const ByColumns<F::has_state, F::steep, false> source{columns_of<false>(friction, false)};
+  for (const bool spread : {false, true}) check_friction(source, friction, spread);
+}
+
+// None, for a node by itself.
+struct NoForce {
+  Partials partials(double, double) const { return {0, 0, 0}; }
+  RatePartials rate_partials(double, double) const { return {0, 0, 0}; }
+};
 
 template <int half_width>
 void check_stencil() {
@@ -106,12 +150,14 @@ void check_stencil() {
 }  // namespace
 
 TEST_CASE("the loops give the same bits for parts of a range and for every instruction set", "[serial]") {
+  check_law(Product<Cubic, SignExact, NoState>{});
+  check_law(Product<CarlsonLanger, SignExact, NoState>{});
+  check_law(Product<CarlsonLanger, SignRegularised, Healing>{{{}, {{}, 1, 2, 1}}, {0.2}});
+  check_law(OwnState<RateAndState, Ageing>{{{{}, 0.5, 0.7, 1, 0.6, 1}, {{}, 1}}});
+  using OfCubic = Product<Cubic, SignExact, NoState>;
   for (const bool spread : {false, true}) {
-    check_friction(Product<Cubic, SignExact, NoState>{}, spread);
-    check_friction(Product<CarlsonLanger, SignExact, NoState>{}, spread);
-    check_friction(Product<CarlsonLanger, SignRegularised, Healing>{{{}, {{}, 1, 2, 1}}, {0.2}}, spread);
-    check_friction(OwnState<RateAndState, Ageing>{{{{}, 0.5, 0.7, 1, 0.6, 1}, {{}, 1}}}, spread);
-    check_friction(Frictionless<true>{}, spread);
+    check_friction(Within<OfCubic, false, false>{OfCubic{}}, OfCubic{}, spread);
+    check_friction(NoFriction<true>{}, NoForce{}, spread);
   }
   check_stencil<1>();
   check_stencil<2>();

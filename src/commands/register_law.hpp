@@ -10,8 +10,8 @@
 #pragma once
 
 #include "model/friction_family.hpp"
+#include "model/law_family.hpp"
 #include "model/law_list.hpp"
-#include "model/loop_families.hpp"
 #include "model/scales_family.hpp"
 
 namespace stickslip {
@@ -31,10 +31,7 @@ void add_pairs(Laws laws, States states) {
   });
   add_family<FrictionFamily>(laws, states);
   add_family<ScalesFamily>(laws, states);
-  add_family<PointwiseFamily>(laws, states);
-  add_family<StageFamily>(laws, states);
-  add_family<NewtonFamily>(laws, states);
-  add_family<TangentFamily>(laws, states);
+  add_family<LawFamily>(laws, states);
 }
 
 }  // namespace detail

@@ -9,7 +9,6 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
-#include "model/kernel.hpp"
 #include "model/law_list.hpp"
 
 namespace stickslip {
@@ -151,7 +150,6 @@ void let_accompany(const char* law, const char* state, bool usual);
 //     template <class L, class S> static ... make(...)   which Make points to
 //     static LawTable<Make>& table();                    the laws of the list (listed), and those that a
 //                                                        program adds (register_law)
-// Each is compiled in a file of its own: together they take minutes.
 
 template <class Make>
 class LawTable {
@@ -200,61 +198,6 @@ auto with_flags(const Body& body, bool flag, Flags... others) {
     return with_flags([&](auto... rest) { return body(constant, rest...); }, others...);
   };
   return flag ? with(std::true_type()) : with(std::false_type());
-}
-
-// Loop<F, sticking> of friction's class F, in the version that suits this processor; with `places`, with what
-// acts at each of them (friction_places). Only laws that stick have a loop with `sticking`.
-template <class Function, template <class, bool> class Loop>
-struct LoopFamily {
-  using Make = Function (*)(const FrictionParameters&, bool sticking, const FrictionPlaces&);
-  static LawTable<Make>& table();
-
-  static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
-    const bool any = !places.empty() && (!p.terms.none() || places.front().medium);
-    return any ? of_any(p, sticking, places) : table().of(p)(p, sticking, places);
-  }
-  template <class L, class S>
-  static Function make(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
-    return with_friction<L, S>(p, [&](const auto& friction) {
-      using F = std::decay_t<decltype(friction)>;
-      return with_flags(
-          [&](auto sticks) -> Function {
-            if constexpr (sticks && !F::sticks)
-              throw std::logic_error("law " + p.law->name + " does not stick");
-            else if (places.empty())
-              return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction});
-            else
-              return of_nodes<sticks>(frictions_along(friction, p, places));
-          },
-          sticking);
-    });
-  }
-  template <bool sticking, class F>
-  static Function of_nodes(std::vector<F> nodes) {
-    return kernel::Baseline<Loop<kernel::Varying<F>, sticking>>{
-        {{std::make_shared<const std::vector<F>>(std::move(nodes))}}};
-  }
-
- private:
-  static Function of_any(const FrictionParameters& p, bool sticking, const FrictionPlaces& places) {
-    const auto laws = Friction::along(p, places);
-    return with_flags(
-        [&](auto state, auto smoothed, auto steep, auto sticks) -> Function {
-          if constexpr (smoothed + steep + sticks > 1 || (steep && !state)) {
-            throw std::logic_error("no law is like this");
-          } else {
-            std::vector<kernel::AnyFriction<state, smoothed, steep>> nodes;
-            for (std::size_t i = 0; i < laws.size(); ++i) nodes.push_back({laws[i], places[i].medium});
-            return of_nodes<sticks>(std::move(nodes));
-          }
-        },
-        laws.front()->has_state, p.regularised, laws.front()->steep, sticking);
-  }
-};
-// In one file for each family, which takes long to compile.
-template <class Function, template <class, bool> class Loop>
-LawTable<typename LoopFamily<Function, Loop>::Make>& LoopFamily<Function, Loop>::table() {
-  return listed<LoopFamily>();
 }
 
 }  // namespace stickslip

@@ -54,22 +54,31 @@ inline double allowed_of_state(double target, const Scales& scales, double s) {
 }
 
 // One node's equations.
-template <class F, bool sticking>
-struct NodeEquation {  // F: of the node itself
-  const F& friction;
+template <class Source>
+struct NodeEquation {
+  static constexpr bool has_state = Source::has_state, steep = Source::steep;
+  const Source& source;
+  PetscInt node;
   double amplitude, direction;
   double h, a, q, R, z_state;
   const Scales& scales;
 
-  Partials force(double psi, double s) const {
-    const Partials p = partials_at<sticking>(friction, psi, s, direction);
-    return {amplitude * p.F, amplitude * p.F_psi, amplitude * p.F_state};
+  struct Law {
+    Partials force;
+    RatePartials rate;
+  };
+  Law law_at(double psi, double s) const {
+    typename Source::Values values;
+    const auto law = source.partials({&psi, &s, &direction, 1, node}, values);
+    const Partials p = law.partials(0);
+    RatePartials g{0, 0, 0};
+    if constexpr (has_state) g = law.rate_partials(0);
+    return {{amplitude * p.F, amplitude * p.F_psi, amplitude * p.F_state}, g};
   }
-  RatePartials rate(double psi, double s) const { return rate_at<sticking>(friction, psi, s, direction); }
   // The state at this psi: its equation rises in s, since g falls.
   double state_at(double psi, double s) const {
     for (int round = 0; round < 60; ++round) {
-      const RatePartials g = rate(psi, s);
+      const RatePartials g = law_at(psi, s).rate;
       const double change = (s - z_state - h * g.g) / (1 - h * g.g_state);
       s -= change;
       if (!(std::abs(change) > 1e-15 * (scales.state + std::abs(s)))) break;
@@ -81,13 +90,10 @@ struct NodeEquation {  // F: of the node itself
   };
   // r and dr/dpsi; s follows psi.
   Value at(double psi, double& s) const {
-    if constexpr (F::has_state) s = state_at(psi, s);
-    const Partials p = force(psi, s);
+    if constexpr (has_state) s = state_at(psi, s);
+    const auto [p, g] = law_at(psi, s);
     double slope = a + q * p.F_psi;
-    if constexpr (F::has_state) {
-      const RatePartials g = rate(psi, s);
-      slope += q * p.F_state * h * g.g_psi / (1 - h * g.g_state);
-    }
+    if constexpr (has_state) slope += q * p.F_state * h * g.g_psi / (1 - h * g.g_state);
     return {a * psi + q * p.F - R, slope, std::abs(a * psi) + std::abs(q * p.F) + std::abs(R)};
   }
   // Whether psi is off by little, by r over its slope; and the force, which a law that goes by ln psi asks
@@ -96,8 +102,8 @@ struct NodeEquation {  // F: of the node itself
     const double r = std::abs(v.r);
     const double slope = std::max(a, std::abs(v.slope));
     if (!(r <= target * slope * (scales.psi + std::abs(psi)) + 1e-14 * v.size)) return false;
-    if constexpr (F::steep) {
-      const Partials p = force(psi, s);
+    if constexpr (steep) {
+      const Partials p = law_at(psi, s).force;
       const double stiff = q * p.F_psi;
       return r * stiff <= (target * q * (scales.eta + std::abs(p.F)) + 1e-14 * v.size) * (a + stiff);
     }
@@ -108,12 +114,12 @@ struct NodeEquation {  // F: of the node itself
   // on either side of rest.
   static constexpr double least_psi = 1e-300, far = 40;  // from far on asinh(x) = ln(2 x) to the last digit
   static double place_of(double psi) {
-    if constexpr (!F::steep) return psi;
+    if constexpr (!steep) return psi;
     const double size = std::abs(psi), ln = std::log(size) - std::log(least_psi / 2);
     return ln > far ? std::copysign(ln, psi) : std::asinh(psi / least_psi);
   }
   static double psi_at(double place) {
-    if constexpr (!F::steep) return place;
+    if constexpr (!steep) return place;
     const double size = std::abs(place);
     return size > far ? std::copysign(std::exp(size + std::log(least_psi / 2)), place)
                       : least_psi * std::sinh(place);
@@ -123,14 +129,14 @@ struct NodeEquation {  // F: of the node itself
   // where there is none in reach, or (`strict`) where dr/dpsi is not positive on the way.
   __attribute__((noinline)) bool search(double start, double start_state, double target, bool strict,
                                         double& psi, double& s) const {
-    constexpr int most = F::steep ? 1500 : 400;
-    constexpr double longest = F::steep ? 1 : HUGE_VAL;  // a factor of e
+    constexpr int most = steep ? 1500 : 400;
+    constexpr double longest = steep ? 1 : HUGE_VAL;  // a factor of e
     double x = place_of(start), sx = start_state;
     Value here = at(start, sx);
     if (strict && !(here.slope > 0)) return false;
     const double away = here.r > 0 ? -1 : 1;
     double length = std::max(1e-3 * std::abs(here.r) / std::max(std::abs(here.slope), a), 1e-300);
-    if (F::steep) length = 1e-3;
+    if (steep) length = 1e-3;
     for (int k = 0; k < most && here.r != 0; ++k, length = std::min(1.5 * length, longest)) {
       const double y = x + away * length;
       double sy = sx;
@@ -162,7 +168,7 @@ struct NodeEquation {  // F: of the node itself
     };
     for (const double part : {0., 0.25, 0.5, 0.75})
       if (falls_at(start + part * (psi - start))) return false;
-    if constexpr (F::steep) {
+    if constexpr (steep) {
       const double from = place_of(start), to = place_of(psi);
       const int parts = int(std::min(std::abs(to - from) + 1, 16.));
       for (int k = 1; k < parts; ++k)
@@ -178,11 +184,11 @@ inline bool is_far(double psi, double start) {
   return (change < 0 ? -change : change) > 0.25 * (a < b ? a : b);
 }
 
-template <class F, bool sticking>
+template <class Source, class Medium = SameMedium>
 struct SolveStage {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  static constexpr bool all_versions = dof == 2 || F::steep;
-  F friction;
+  static constexpr bool has_state = Source::has_state, steep = Source::steep, sticking = Source::sticking;
+  Source source;
+  Medium medium = {};
   static constexpr int most_rounds = 12;
 
   // Of r's coefficients those of a node that moves.
@@ -196,45 +202,44 @@ struct SolveStage {
   }
   // The same of node i, whose coefficients may be its own.
   Shared at_node(const Shared& same, const Stage& t, PetscInt i) const {
-    if constexpr (knows_medium<F>) {
-      const Coefficients own = coefficients_at(friction_of(friction, t.node + i), *same.c);
-      const Shared k = shared(own, t);
+    if constexpr (Medium::differs) {
+      const Shared k = shared(medium.at(*same.c, t.node + i), t);
       return {k.a, k.q, k.load, same.c};
     } else {
       return same;
     }
   }
 
-  auto equation(const Shared& same, const Stage& t, PetscInt i) const {
-    const auto& own = friction_of(friction, t.node + i);
+  NodeEquation<Source> equation(const Shared& same, const Stage& t, PetscInt i) const {
     const Shared k = at_node(same, t, i);
     const bool moves = !t.held && (!sticking || t.direction[i] != 0);
     const double amplitude = t.amplitude ? t.amplitude[i] : 1, direction = sticking ? t.direction[i] : 0;
     const double q = moves ? k.q : 0;
-    return NodeEquation<std::decay_t<decltype(own)>, sticking>{own,
-                                                               amplitude,
-                                                               direction,
-                                                               t.h,
-                                                               moves ? k.a : 1,
-                                                               q,
-                                                               t.z_psi[i] + q * (t.z_eta[i] + k.load),
-                                                               F::has_state ? t.z_state[i] : 0,
-                                                               t.scales};
+    return {source,
+            t.node + i,
+            amplitude,
+            direction,
+            t.h,
+            moves ? k.a : 1,
+            q,
+            t.z_psi[i] + q * (t.z_eta[i] + k.load),
+            has_state ? t.z_state[i] : 0,
+            t.scales};
   }
 
   // The slower way of node i; returns whether it led to a root.
   bool search(const Shared& k, const Stage& t, PetscInt i) const {
     const auto e = equation(k, t, i);
     double psi = 0, s = 0;
-    if (!e.search(t.start[i], F::has_state ? t.start_state[i] : 0, t.target, t.strict, psi, s)) return false;
+    if (!e.search(t.start[i], has_state ? t.start_state[i] : 0, t.target, t.strict, psi, s)) return false;
     t.psi[i] = psi;
-    if constexpr (F::has_state) t.state[i] = s;
+    if constexpr (has_state) t.state[i] = s;
     return true;
   }
 
   bool is_safe(const Shared& k, const Stage& t, PetscInt i) const {
     if (!t.strict || !is_far(t.psi[i], t.start[i])) return true;
-    return equation(k, t, i).rises_between(t.start[i], F::has_state ? t.start_state[i] : 0, t.psi[i]);
+    return equation(k, t, i).rises_between(t.start[i], has_state ? t.start_state[i] : 0, t.psi[i]);
   }
 
   // All nodes of a tile at once: one round of Newton's method after the other, in which those that are done
@@ -274,13 +279,15 @@ struct SolveStage {
       before[i] = 0;
     }
     if (t.slope) extrapolate(t, begin, count);
+    const LawTile tile{psi, nullptr, sticking ? t.direction + begin : nullptr, count, t.node + begin};
+    typename Source::Values values;
     Flag left = 1;
     for (int round = 0; round < most_rounds && left != 0; ++round) {
+      const auto law = source.partials(tile, values);
       left = 0;
 #pragma GCC ivdep
       for (PetscInt i = 0; i < count; ++i) {
-        const Partials p = partials_at<sticking>(friction_of(friction, t.node + begin + i), psi[i], 0,
-                                                 direction_at<sticking>(t.direction, begin + i));
+        const Partials p = law.partials(i);
         const double own = a[i] * psi[i], force = q[i] * p.F, r = own + force - R[i];
         const double slope = a[i] + q[i] * p.F_psi;
         const double size = (own < 0 ? -own : own) + (force < 0 ? -force : force) + (R[i] < 0 ? -R[i] : R[i]);
@@ -321,11 +328,11 @@ struct SolveStage {
                          Flag* open) const {
     constexpr int most = 40;
     constexpr double done = 0, goes_on = 1, stuck = 2;  // 1. and 2. have no bit in common
-    const Stage t = stage;                              // copies, which no store can change
-    const F law = friction;
+    const Stage t = stage;                              // a copy, which no store can change
     StageColumns columns;
     set_out(k, t, begin, count, columns);
-    alignas(64) double now[tile_size];
+    alignas(64) double now[tile_size], next[tile_size], next_state[tile_size], then[tile_size];
+    alignas(64) double mass[tile_size];  // where friction is steep
     if (t.slope) extrapolate(t, begin, count);
     double *const psi = t.psi + begin, *const state = t.state + begin;
     const double unit = t.scales.psi;
@@ -333,17 +340,17 @@ struct SolveStage {
       now[i] = goes_on;
       psi[i] = columns.q[i] != 0 ? psi[i] : columns.R[i];
     }
+    const LawTile tile{psi, state, sticking ? t.direction + begin : nullptr, count, t.node + begin};
+    typename Source::Values values;
     std::uint64_t left = 1;
     for (int round = 0; round < most && left != 0; ++round) {
-      left = 0;
+      using elementary::bits_of, elementary::where_less, std::abs;
+      const auto law = source.partials(tile, values);
 #pragma GCC ivdep
       for (PetscInt i = 0; i < count; ++i) {
-        using elementary::bits_of, elementary::where_less, std::abs;
-        const auto& own = friction_of(law, t.node + begin + i);
-        const double x = psi[i], s = state[i], going = direction_at<sticking>(t.direction, begin + i);
-        const double a = columns.a[i], q = columns.q[i], R = columns.R[i];
-        const Partials p = partials_at<sticking>(own, x, s, going);
-        const RatePartials g = rate_at<sticking>(own, x, s, going);
+        const double x = psi[i], s = state[i], a = columns.a[i], q = columns.q[i], R = columns.R[i];
+        const Partials p = law.partials(i);
+        const RatePartials g = law.rate_partials(i);
         const double r = a * x + q * p.F - R, rs = s - t.z_state[begin + i] - t.h * g.g,
                      of_s = 1 - t.h * g.g_state;
         const double slope = (a + q * p.F_psi) * of_s + q * p.F_state * t.h * g.g_psi;
@@ -351,21 +358,31 @@ struct SolveStage {
         const double off = abs(r) - (t.target * a * (unit + abs(x)) + 1e-15 * size);
         const double of_state = abs(rs) - allowed_of_state(t.target, t.scales, s) * of_s;
         double worse = where_less(off, of_state, of_state, off);
-        if constexpr (F::steep) {  // the force goes by ln psi, and needs its digits however small it is
+        if constexpr (steep) {  // the force goes by ln psi, and needs its digits however small it is
           const double stiff = q * p.F_psi, may = t.target * q * (t.scales.eta + abs(p.F)) + 1e-15 * size;
           const double of_force = abs(r) * stiff - may * (a + stiff);
           worse = where_less(worse, of_force, of_force, worse);
+          mass[i] = a / q;
         }
-        const double d_psi = (q * p.F_state * rs - r * of_s) / slope,
-                     s_new = s + (t.h * g.g_psi * d_psi - rs) / of_s;
-        double next = x + d_psi;
-        if constexpr (F::steep) next = where_less(0, q, own.newton_psi(x, s, next, s_new, a / q), next);
+        const double d_psi = (q * p.F_state * rs - r * of_s) / slope;
+        next[i] = x + d_psi;
+        next_state[i] = s + (t.h * g.g_psi * d_psi - rs) / of_s;
+        then[i] = where_less(0, slope, where_less(0, worse, goes_on, done), stuck);
+      }
+      if constexpr (steep) {
+        alignas(64) double safe[tile_size];
+        source.newton_psi({psi, state, next, next_state, mass, safe, count, t.node + begin});
+#pragma GCC ivdep
+        for (PetscInt i = 0; i < count; ++i) next[i] = where_less(0, columns.q[i], safe[i], next[i]);
+      }
+      left = 0;
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < count; ++i) {
         const double open_here = where_less(abs(now[i] - goes_on), 0.5, 1, 0),
-                     moves = where_less(0, slope, open_here, 0);
-        psi[i] = where_less(0, moves, next, x);
-        state[i] = where_less(0, moves, s_new, s);
-        const double then = where_less(0, slope, where_less(0, worse, goes_on, done), stuck);
-        now[i] = where_less(0, open_here, then, now[i]);
+                     moves = where_less(then[i], 1.5, open_here, 0);  // not where it is stuck
+        psi[i] = where_less(0, moves, next[i], psi[i]);
+        state[i] = where_less(0, moves, next_state[i], state[i]);
+        now[i] = where_less(0, open_here, then[i], now[i]);
         left |= bits_of(now[i]) & bits_of(goes_on);
       }
     }
@@ -380,19 +397,18 @@ struct SolveStage {
 
   void finish(const Coefficients& c, const Stage& t) const {
     const double per_h = 1 / t.h, same_per_A = 1 / c.A;
-    const F law = friction;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
-      const auto& own = coefficients_at(friction_of(law, t.node + i), c);
+      const auto& own = medium.at(c, t.node + i);
       const double slope = (t.psi[i] - t.z_psi[i]) * per_h;
-      const double per_A = knows_medium<F> ? 1 / own.A : same_per_A;
+      const double per_A = Medium::differs ? 1 / own.A : same_per_A;
       double excess = slope * per_A + own.B * t.psi[i];  // eta - F, as psi's own equation has it
       if constexpr (sticking) excess *= t.direction[i] * t.direction[i];
       t.g_psi[i] = slope;
       const double eta_slope = own.K0 * (own.v - t.psi[i]) - own.s_delta * excess;
       t.g_eta[i] = eta_slope;
       t.eta[i] = t.z_eta[i] + t.h * eta_slope;
-      if constexpr (F::has_state) t.g_state[i] = (t.state[i] - t.z_state[i]) * per_h;
+      if constexpr (has_state) t.g_state[i] = (t.state[i] - t.z_state[i]) * per_h;
     }
   }
 
@@ -404,7 +420,7 @@ struct SolveStage {
     for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
       const PetscInt count = std::min(tile_size, t.count - begin);
       Flag left;
-      if constexpr (F::has_state)
+      if constexpr (has_state)
         left = newton_with_state(k, t, begin, count, open);
       else
         left = newton(k, t, begin, count, open);

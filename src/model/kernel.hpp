@@ -1,6 +1,5 @@
-// The loops over nodes, on arrays side by side: the coupling of neighbours, which knows the order and no law,
-// and what is pointwise, which knows the law and no order. So there are as many of them as laws and orders
-// together.
+// The loops over nodes, on arrays side by side: the coupling of neighbours, which knows the order, and what
+// is pointwise, to which a Source (law_columns.hpp) says what friction is.
 //
 // The compiler makes vector code of every step that has no branch and calls no function. Only + - * / occur,
 // in the order written, and no fused multiply-add (-ffp-contract=off), so that a node's result does not
@@ -10,18 +9,15 @@
 #include <petscsys.h>
 
 #include <algorithm>
-#include <cmath>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <type_traits>
 #include <vector>
 
+#include "model/law_columns.hpp"
 #include "model/node_parameters.hpp"
 
 namespace stickslip::kernel {
-
-constexpr PetscInt tile_size = 128;  // nodes whose values stay in the first-level cache
 
 template <int half_width>
 double stencil_sum(const Coefficients& k, const double* psi) {
@@ -63,55 +59,6 @@ struct StencilOfColumns {
   }
 };
 
-// The direction of node i, 0 at rest; without `sticking` nobody asks for it.
-template <bool sticking>
-double direction_at(const double* direction, PetscInt i) {
-  if constexpr (sticking)
-    return direction[i];
-  else
-    return 0;
-}
-// F, the state's rate and their slopes. `sticking`: of the direction given.
-template <bool sticking, class F>
-Partials partials_at(const F& friction, double psi, double s, double direction) {
-  if constexpr (sticking)
-    return friction.sliding_partials(psi, s, direction);
-  else
-    return friction.partials(psi, s);
-}
-template <bool sticking, class F>
-RatePartials rate_at(const F& friction, double psi, double s, double direction) {
-  if constexpr (sticking)
-    return friction.sliding_rate(psi, s, direction);
-  else
-    return friction.rate_partials(psi, s);
-}
-// force[i] = a_i F of a law that is looked up, as partials_at() has it: between two loops of vector code one
-// that is none, since a node's entry, one line of memory, is sooner read than gathered number by number.
-template <bool sticking, class F>
-void looked_up_force(const F& friction, const double* psi, const double* state, const double* direction,
-                     const double* amplitude, PetscInt count, double* force) {
-  alignas(64) double sign[tile_size], speed[tile_size];
-  alignas(64) std::int64_t bucket[tile_size];
-  for (PetscInt i = 0; i < count; ++i) {
-    const auto place = friction.template with_sign<sticking>(
-        direction_at<sticking>(direction, i), [&](auto s) { return friction.law.place(psi[i], s); });
-    sign[i] = place.sign;
-    speed[i] = place.speed;
-    bucket[i] = place.bucket;
-  }
-  for (PetscInt i = 0; i < count; ++i) {
-    std::int64_t number = bucket[i];
-    asm("" : "+r"(number));  // no gather
-    force[i] = friction.law.looked_up(speed[i], number);
-  }
-  for (PetscInt i = 0; i < count; ++i) {
-    force[i] *= sign[i];
-    if constexpr (F::has_state) force[i] *= friction.template factor<double>(state[i]).value;
-  }
-  if (amplitude)
-    for (PetscInt i = 0; i < count; ++i) force[i] *= amplitude[i];
-}
 // The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where
 // friction holds the node at rest; its friction then is eta.
 struct NodeRates {
@@ -143,11 +90,11 @@ struct Columns {
 };
 
 // All that is pointwise, added to the coupling.
-template <class F, bool sticking>
+template <class Source, class Medium = SameMedium>
 struct PointwiseOfColumns {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  static constexpr bool all_versions = dof == 2 || F::steep;
-  F friction;
+  static constexpr int dof = Source::has_state ? 3 : 2;
+  Source source;
+  Medium medium = {};
 
   void operator()(const Coefficients& c, const Columns& k) const {
     if (k.interleaved)
@@ -159,56 +106,43 @@ struct PointwiseOfColumns {
  private:
   template <int stride>
   void take(const Coefficients& c, const Columns& k) const {
-    const F law = friction;  // a copy, which no store can change
-    if constexpr (F::looks_up) {
-      in_tiles<stride>(c, k);
-    } else {
-      const auto force = [law, k](PetscInt i) {
-        return partials_at<sticking>(friction_of(law, k.node + i), k.psi[i], F::has_state ? k.state[i] : 0,
-                                     direction_at<sticking>(k.direction, i))
-            .F;
-      };
-      if (k.amplitude)
-        motion<stride>(law, c, k, [force, k](PetscInt i) { return force(i) * k.amplitude[i]; });
-      else
-        motion<stride>(law, c, k, force);
-    }
-    if constexpr (F::has_state)
-#pragma GCC ivdep
-      for (PetscInt i = 0; i < k.count; ++i)
-        k.f_state[i * stride] = rate_at<sticking>(friction_of(law, k.node + i), k.psi[i], k.state[i],
-                                                  direction_at<sticking>(k.direction, i))
-                                    .g;
-  }
-  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
-  template <int stride, class Force>
-  static void motion(F law, Coefficients c, Columns k, Force force) {
-    double *const f_psi = k.f_psi, *const f_eta = stride == 1 ? k.f_eta : f_psi + 1;
-#pragma GCC ivdep
-    for (PetscInt i = 0; i < k.count; ++i) {
-      const NodeRates rates = node_rates(coefficients_at(friction_of(law, k.node + i), c), k.psi[i], k.eta[i],
-                                         force(i), k.coupling[i], moving<sticking>(k.direction, i));
-      f_psi[i * stride] = rates.psi;
-      f_eta[i * stride] = rates.eta;
-    }
-  }
-  // But of a law that is looked up, which takes loops of its own.
-  template <int stride>
-  void in_tiles(const Coefficients& c, const Columns& k) const {
-    for (PetscInt begin = 0; begin < k.count; begin += tile_size) {
-      const auto at = [&](auto* column) { return column ? column + begin : nullptr; };
+    const PetscInt length = Source::in_tiles ? tile_size : k.count;
+    for (PetscInt begin = 0; begin < k.count; begin += length) {
+      const auto at = [&](const double* column) { return column ? column + begin : nullptr; };
       Columns part = k;
       part.psi += begin;
       part.eta += begin;
+      part.state = at(k.state);
+      part.amplitude = at(k.amplitude);
       part.coupling += begin;
+      part.direction = at(k.direction);
       part.f_psi += begin * stride;
       part.f_eta += begin * stride;
-      part.count = std::min(tile_size, k.count - begin);
-      part.direction = at(k.direction);
-      alignas(64) double force[tile_size];
-      looked_up_force<sticking>(friction, part.psi, at(k.state), part.direction, at(k.amplitude), part.count,
-                                force);
-      motion<stride>(friction, c, part, [&](PetscInt i) { return force[i]; });
+      if (Source::has_state) part.f_state += begin * stride;
+      part.node += begin;
+      part.count = std::min(length, k.count - begin);
+      typename Source::Values values;
+      const auto law = source.rates({part.psi, part.state, part.direction, part.count, part.node}, values);
+      if (k.amplitude)
+        motion<stride>(c, medium, part,
+                       [law, part](PetscInt i) { return law.force(i) * part.amplitude[i]; });
+      else
+        motion<stride>(c, medium, part, [law](PetscInt i) { return law.force(i); });
+      if constexpr (Source::has_state)
+#pragma GCC ivdep
+        for (PetscInt i = 0; i < part.count; ++i) part.f_state[i * stride] = law.rate(i);
+    }
+  }
+  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
+  template <int stride, class Force>
+  static void motion(Coefficients c, Medium medium, Columns k, Force force) {
+    double *const f_psi = k.f_psi, *const f_eta = stride == 1 ? k.f_eta : f_psi + 1;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < k.count; ++i) {
+      const NodeRates rates = node_rates(medium.at(c, k.node + i), k.psi[i], k.eta[i], force(i),
+                                         k.coupling[i], moving<Source::sticking>(k.direction, i));
+      f_psi[i * stride] = rates.psi;
+      f_eta[i * stride] = rates.eta;
     }
   }
 };
@@ -368,17 +302,6 @@ auto for_half_width(int half_width, const Pick& pick) {
     case 3: return pick(std::integral_constant<int, 3>());
     default: return pick(std::integral_constant<int, 4>());
   }
-}
-
-// Which loops come in all versions: those without a state; with one, of a law that lives by exp and log, what
-// every stage of a step does. The others do without, since each version of a loop takes about a second to
-// compile. (So does Varying friction, whose parameters do not lie side by side.)
-template <class Function, class Kernel>
-Function compiled_where_worth(const Kernel& kernel) {
-  if constexpr (Kernel::all_versions)
-    return compiled<Function>(kernel);
-  else
-    return Baseline<Kernel>{kernel};
 }
 
 }  // namespace stickslip::kernel

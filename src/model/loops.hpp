@@ -1,5 +1,5 @@
-// The loops over nodes as they are chosen for a scene: compiled for each law and set of instructions, or for
-// each order. Law and state law are the only names that a loop goes by; who calls one knows neither.
+// The loops over nodes as they are chosen for a scene, compiled for each set of instructions: for each order,
+// or for what laws have (a state, a threshold, a steep rise), but for no law. Who calls one knows neither.
 #pragma once
 
 #include <functional>
@@ -7,7 +7,6 @@
 
 #include "model/implicit_kernel.hpp"
 #include "model/newton_kernel.hpp"
-#include "model/tangent_kernel.hpp"
 
 namespace stickslip {
 
@@ -16,13 +15,12 @@ using StencilLoop = std::function<void(const kernel::Coefficients&, const kernel
 StencilLoop stencil_loop(const Scene& scene, const std::vector<double>& links = {});
 
 // All that is pointwise; the stage of a method that takes it implicitly, with the number of nodes left
-// unsolved; a round of Newton's method with everything implicit; the derivatives of what is pointwise.
+// unsolved; a round of Newton's method with everything implicit.
 using PointwiseLoop = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
 using StageLoop = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
 using NewtonLoop =
     std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
-using TangentLoop = std::function<void(const kernel::Tangents&)>;
-// One of these four. `sticking`: with the direction of motion given, for laws that stick. `places`:
+// One of these three. `sticking`: with the direction of motion given, for laws that stick. `places`:
 // friction_places() of the nodes by their numbers.
 template <class Loop>
 Loop loop_for(const FrictionParameters& friction, bool sticking, const FrictionPlaces& places);
@@ -34,6 +32,6 @@ PointwiseLoop frictionless_loop(int dof, const std::vector<NodeCoefficients>& me
 // state (not read without one), whatever their coefficients.
 using ForceLoop =
     std::function<void(PetscInt node, PetscInt count, const double* psi, const double* state, double* F)>;
-ForceLoop force_loop(const FrictionParameters& friction, FrictionPlaces places);
+ForceLoop force_loop(const FrictionParameters& friction, const FrictionPlaces& places);
 
 }  // namespace stickslip

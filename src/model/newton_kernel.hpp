@@ -12,10 +12,10 @@
 // orders in one step is x as large as u, and psi = u + x without digits: then `from` is 0 in the place of u.
 #pragma once
 
-#include <type_traits>
+#include <algorithm>
+#include <limits>
 
 #include "model/implicit_kernel.hpp"
-#include "model/law.hpp"
 
 namespace stickslip::kernel {
 
@@ -66,54 +66,27 @@ inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double 
   return {slope, c.K0 * (c.v - psi) + k.kappa * coupling - c.s_delta * (moves * (slope / c.A + c.B * psi))};
 }
 
-// A threshold that is smoothed: force against velocity is an S about rest. From one side of it Newton's
-// method jumps to the other and back; from rest, where the S is steepest, it goes the right way, and steps
-// that fall short.
-template <class F>
-struct IsSmoothed : std::false_type {};
-template <class L, class S>
-struct IsSmoothed<Product<L, SignRegularised, S>> : std::true_type {};
-template <bool state, bool smoothed, bool steep>
-struct IsSmoothed<AnyFriction<state, smoothed, steep>> : std::bool_constant<smoothed> {};
-template <class F>
-struct IsSmoothed<Varying<F>> : IsSmoothed<F> {};
-
 // As wide as a double, so that the compiler can choose between doubles by it.
 using Flag = std::int64_t;
 
-template <class F, bool sticking>
+template <class Source>
 struct NewtonRound {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  static constexpr bool all_versions = dof == 2 || F::steep;
-  F friction;
-
-  // The tangent at a node: q F and the residual of the state's equation, in the change of psi.
-  struct Tangent {
-    double force, slope;     // q F, its slope, the state following
-    double change, follows;  // of the state: change + follows (x - psi)
-  };
-  template <class Own>
-  static Tangent tangent(const Own& own, const Round& t, double amplitude, PetscInt i) {
-    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0,
-                 going = direction_at<sticking>(t.direction, i);
-    const double q = t.stage.q * amplitude;
-    const Partials p = partials_at<sticking>(own, psi, s, going);
-    if constexpr (F::has_state) {
-      const RatePartials g = rate_at<sticking>(own, psi, s, going);
-      const double one = 1 - t.stage.h * g.g_state, change = -(s - t.z_state[i] - t.stage.h * g.g) / one;
-      const double follows = t.stage.h * g.g_psi / one;
-      return {q * (p.F + p.F_state * change), q * (p.F_psi + p.F_state * follows), change, follows};
-    } else {
-      return {q * p.F, q * p.F_psi, 0, 0};
-    }
-  }
+  static constexpr bool has_state = Source::has_state, steep = Source::steep, sticking = Source::sticking;
+  Source source;
 
   // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns in bits what is true
   // of some node: 1 what is left over is too much, 2 it is no number, 4 psi has lost its digits beside
   // `from`.
   Flag operator()(const Coefficients& c, const Round& t, bool advance) const {
-    if (t.amplitude) return advance ? next<true>(c, t) : linearise<true>(t);
-    return advance ? next<false>(c, t) : linearise<false>(t);
+    Flag left = 0;
+    for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
+      const PetscInt count = std::min(tile_size, t.count - begin);
+      if (t.amplitude)
+        left |= advance ? next<true>(c, t, begin, count) : linearise<true>(t, begin, count);
+      else
+        left |= advance ? next<false>(c, t, begin, count) : linearise<false>(t, begin, count);
+    }
+    return left;
   }
 
  private:
@@ -122,75 +95,122 @@ struct NewtonRound {
   // neighbours.
   static constexpr double same = 1e-9;
 
+  // The tangent at a node: q F and the residual of the state's equation, in the change of psi.
+  struct Tangent {
+    double force, slope;     // q F, its slope, the state following
+    double change, follows;  // of the state: change + follows (x - psi)
+  };
+  template <class Reader>
+  static Tangent tangent(const Reader& law, const Round& t, double amplitude, PetscInt begin, PetscInt i) {
+    const double q = t.stage.q * amplitude;
+    const Partials p = law.partials(i);
+    if constexpr (has_state) {
+      const RatePartials g = law.rate_partials(i);
+      const double s = t.state[begin + i], one = 1 - t.stage.h * g.g_state,
+                   change = -(s - t.z_state[begin + i] - t.stage.h * g.g) / one;
+      const double follows = t.stage.h * g.g_psi / one;
+      return {q * (p.F + p.F_state * change), q * (p.F_psi + p.F_state * follows), change, follows};
+    } else {
+      return {q * p.F, q * p.F_psi, 0, 0};
+    }
+  }
+  static const double* state_at(const Round& t, PetscInt begin) {
+    return has_state ? t.state + begin : nullptr;
+  }
+  LawTile tile(const Round& t, const double* psi, const double* state, PetscInt begin, PetscInt count) const {
+    return {psi, state, sticking ? t.direction + begin : nullptr, count, t.node + begin};
+  }
+
   template <bool spread>
-  Flag linearise(Round t) const {  // copies, whose members no store can change
-    const F law = friction;
+  Flag linearise(Round t, PetscInt begin, PetscInt count) const {  // a copy, which no store can change
+    typename Source::Values values;
+    const auto law = source.partials(tile(t, t.psi + begin, state_at(t, begin), begin, count), values);
 #pragma GCC ivdep
-    for (PetscInt i = 0; i < t.count; ++i) {
-      const Tangent k = tangent(friction_of(law, t.node + i), t, spread ? t.amplitude[i] : 1, i);
-      const double moves = moving<sticking>(t.direction, i), R = t.R[i];
-      t.d[i] = moves != 0 ? t.stage.a + k.slope : t.immovable;
-      t.b[i] = moves != 0 ? R - k.force + k.slope * t.change[i] : R;
+    for (PetscInt i = 0; i < count; ++i) {
+      const PetscInt n = begin + i;
+      const Tangent k = tangent(law, t, spread ? t.amplitude[n] : 1, begin, i);
+      const double moves = moving<sticking>(t.direction, n), R = t.R[n];
+      t.d[n] = moves != 0 ? t.stage.a + k.slope : t.immovable;
+      t.b[n] = moves != 0 ? R - k.force + k.slope * t.change[n] : R;
     }
     return 0;
   }
 
   template <bool spread>
-  Flag next(Coefficients c, Round t) const {
-    const F law = friction;
+  Flag next(Coefficients c, Round t, PetscInt begin, PetscInt count) const {
     const double per_h = 1 / t.stage.h;
+    // A threshold that is smoothed: force against velocity is an S about rest. From one side of it Newton's
+    // method jumps to the other and back; from rest, where the S is steepest, it goes the right way, and
+    // steps that fall short.
+    const double other_side = source.smoothed() ? 0 : -std::numeric_limits<double>::infinity();
+    alignas(64) double psi_next[tile_size], state_next[tile_size], linear[tile_size], mass[tile_size];
+    const auto aim = [t, begin](PetscInt i) {
+      const PetscInt n = begin + i;
+      return t.from[n] + (moving<sticking>(t.direction, n) != 0 ? t.x[n] : t.z_psi[n]);
+    };
+    typename Source::Values values;
     Flag left = 0;
+    {
+      const auto law = source.partials(tile(t, t.psi + begin, state_at(t, begin), begin, count), values);
 #pragma GCC ivdep
-    for (PetscInt i = 0; i < t.count; ++i) {
-      const auto& own = friction_of(law, t.node + i);
-      const double amplitude = spread ? t.amplitude[i] : 1, going = direction_at<sticking>(t.direction, i);
-      const double moves = moving<sticking>(t.direction, i);
-      const double coupling = t.stage.p * t.d2_from[i] + (t.d[i] * t.x[i] - t.b[i]);
-      const Tangent k = tangent(own, t, amplitude, i);
-      const double step = moves != 0 ? t.x[i] - t.change[i] : 0, linear = k.force + k.slope * step;
-      double change = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, damped = 0;
-      const double aim = t.from[i] + change;
-      double psi = aim;
-      if constexpr (F::has_state) s = t.state[i] + k.change + k.follows * step;
-      if constexpr (F::steep) {
-        psi = own.newton_psi(t.psi[i], t.state[i], aim, s, t.stage.a / (t.stage.q * amplitude));
-        psi = magnitude(psi - aim) <= same * magnitude(aim) ? aim : psi;
-        damped = magnitude(psi - aim);
-        left |= magnitude(psi) < least_part * magnitude(t.from[i]) ? 4 : 0;
+      for (PetscInt i = 0; i < count; ++i) {
+        const PetscInt n = begin + i;
+        const double amplitude = spread ? t.amplitude[n] : 1, psi = aim(i);
+        const Tangent k = tangent(law, t, amplitude, begin, i);
+        const double step = moving<sticking>(t.direction, n) != 0 ? t.x[n] - t.change[n] : 0;
+        linear[i] = k.force + k.slope * step;
+        psi_next[i] = t.psi[n] * psi < other_side ? 0 : psi;
+        if constexpr (has_state) state_next[i] = t.state[n] + k.change + k.follows * step;
+        if constexpr (steep) mass[i] = t.stage.a / (t.stage.q * amplitude);
       }
-      if constexpr (IsSmoothed<F>::value) {
-        psi = t.psi[i] * psi < 0 ? 0 : psi;
-        damped = magnitude(psi - aim);
+    }
+    if constexpr (steep) {
+      alignas(64) double safe[tile_size];
+      source.newton_psi({t.psi + begin, t.state + begin, psi_next, state_next, mass, safe, count,
+                         t.node + begin});
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < count; ++i) {
+        const double psi = magnitude(safe[i] - aim(i)) <= same * magnitude(aim(i)) ? aim(i) : safe[i];
+        psi_next[i] = psi;
+        left |= magnitude(psi) < least_part * magnitude(t.from[begin + i]) ? 4 : 0;
       }
-      change = damped != 0 ? psi - t.from[i] : change;
+    }
+    const auto law = source.partials(tile(t, psi_next, state_next, begin, count), values);
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < count; ++i) {
+      const PetscInt n = begin + i;
+      const double amplitude = spread ? t.amplitude[n] : 1, moves = moving<sticking>(t.direction, n);
+      const double coupling = t.stage.p * t.d2_from[n] + (t.d[n] * t.x[n] - t.b[n]);
+      const double psi = psi_next[i], damped = magnitude(psi - aim(i));
+      const double change = damped != 0 ? psi - t.from[n] : moves != 0 ? t.x[n] : t.z_psi[n];
       const double q = t.stage.q * amplitude;
-      const Partials p = partials_at<sticking>(own, psi, s, going);
-      const double force = q * p.F, miss = magnitude(force - linear);
+      const Partials p = law.partials(i);
+      const double force = q * p.F, miss = magnitude(force - linear[i]);
       const double size = 2 * (magnitude(t.stage.a * psi) + magnitude(force));
       const double off = moves * (miss + (t.stage.a + t.stage.row) * damped);
       double ratio = off / (t.target * t.stage.a * (t.scales.psi + magnitude(psi)) + 1e-15 * size);
-      if constexpr (F::steep) {  // the force goes by ln psi, and needs its digits however small it is
+      if constexpr (steep) {  // the force goes by ln psi, and needs its digits however small it is
         const double stiff = q * p.F_psi, share = stiff / (t.stage.a + stiff);
         const double of_force = share * off / (t.target * q * (t.scales.eta + magnitude(p.F)) + 1e-15 * size);
         ratio = ratio > of_force ? ratio : of_force;
       }
-      if constexpr (F::has_state) {
-        const RatePartials g = rate_at<sticking>(own, psi, s, going);
-        const double miss_of_state = magnitude(s - t.z_state[i] - t.stage.h * g.g);
+      if constexpr (has_state) {
+        const RatePartials g = law.rate_partials(i);
+        const double s = state_next[i], miss_of_state = magnitude(s - t.z_state[n] - t.stage.h * g.g);
         const double of_state =
             miss_of_state / ((1 - t.stage.h * g.g_state) * allowed_of_state(t.target, t.scales, s));
         ratio = ratio > of_state ? ratio : of_state;
-        t.state[i] = s;
-        t.g_state[i] = (s - t.z_state[i]) * per_h;
+        t.state[n] = s;
+        t.g_state[n] = (s - t.z_state[n]) * per_h;
       }
       const bool small = ratio <= 1, number = ratio < 1e300;
       left |= small ? 0 : 1;
       left |= number ? 0 : 2;
-      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], change, psi, per_h, coupling, moves);
-      t.psi[i] = psi;
-      t.change[i] = change;
-      t.g_psi[i] = slopes.psi;
-      t.g_eta[i] = slopes.eta;
+      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[n], change, psi, per_h, coupling, moves);
+      t.psi[n] = psi;
+      t.change[n] = change;
+      t.g_psi[n] = slopes.psi;
+      t.g_eta[n] = slopes.eta;
     }
     return left;
   }

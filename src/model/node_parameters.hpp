@@ -1,15 +1,11 @@
-// What a loop over nodes (kernel.hpp) is given for a node: coefficients of its equations, and its friction.
+// The coefficients of the equations that a loop over nodes (kernel.hpp) is given.
 #pragma once
 
 #include <petscsys.h>
 
 #include <array>
 #include <cmath>
-#include <memory>
-#include <optional>
-#include <vector>
 
-#include "stickslip/model/friction.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/model/stencil.hpp"
 
@@ -43,75 +39,5 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
   return c;
 }
 inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.mean_K1()); }
-
-// No friction, for what is linear alone.
-template <bool state>
-struct Frictionless {
-  static constexpr bool has_state = state, steep = false, looks_up = false;
-  Partials partials(double, double) const { return {0, 0, 0}; }
-  RatePartials rate_partials(double, double) const { return {0, 0, 0}; }
-};
-
-// Any friction, or none (nullptr), behind its virtual functions: terms stand beside it, and nodes have
-// coefficients of their own, in loops that are compiled once for all laws and are no vector code.
-template <bool state, bool is_smoothed, bool is_steep>
-struct AnyFriction {
-  static constexpr bool has_state = state, sticks = true, smoothed = is_smoothed, steep = is_steep;
-  std::shared_ptr<const Friction> own;
-  std::optional<NodeCoefficients> medium;
-
-  Partials partials(double psi, double s) const { return own ? own->partials(psi, s) : Partials{0, 0, 0}; }
-  Partials sliding_partials(double psi, double s, double direction) const {
-    return own->sliding_partials(psi, s, direction);
-  }
-  RatePartials rate_partials(double psi, double s) const {
-    return own ? own->rate_partials(psi, s) : RatePartials{0, 0, 0};
-  }
-  RatePartials sliding_rate(double psi, double s, double direction) const {
-    return own->sliding_rate(psi, s, direction);
-  }
-  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
-    return own->newton_psi(psi, s, psi_new, s_new, mass);
-  }
-};
-
-// Friction of its own at every node, a law or AnyFriction; of AnyFriction also the same at all. The loops
-// take it in place of one law, which friction_of() hands on as it is: a scene without profiles and terms runs
-// the same instructions as if there were none.
-template <class Own>
-struct Varying {
-  static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
-                        looks_up = false;
-  std::shared_ptr<const std::vector<Own>> nodes;
-};
-template <class F>
-const F& friction_of(const F& friction, PetscInt) {
-  return friction;
-}
-template <class F>
-const F& friction_of(const Varying<F>& friction, PetscInt node) {
-  return (*friction.nodes)[node];
-}
-template <bool... flags>
-const AnyFriction<flags...>& friction_of(const Varying<AnyFriction<flags...>>& friction, PetscInt node) {
-  const std::vector<AnyFriction<flags...>>& nodes = *friction.nodes;
-  return nodes[nodes.size() == 1 ? 0 : node];
-}
-
-// Whether nodes may have coefficients of their own; and those of a node with that friction: its own, else c.
-template <class F>
-constexpr bool knows_medium = false;
-template <bool... flags>
-constexpr bool knows_medium<Varying<AnyFriction<flags...>>> = true;
-template <class F>
-const Coefficients& coefficients_at(const F&, const Coefficients& c) {
-  return c;
-}
-template <bool... flags>
-Coefficients coefficients_at(const AnyFriction<flags...>& friction, const Coefficients& c) {
-  if (!friction.medium) return c;
-  const NodeCoefficients& own = *friction.medium;
-  return {own.A, c.linear * own.B, c.linear * own.K0, c.v, own.s_delta, {}};
-}
 
 }  // namespace stickslip::kernel

@@ -371,9 +371,8 @@ void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, Step
   }
   if (step.estimate && slaves_.any()) {
     const NodeCoefficients same{coefficients_.A, coefficients_.B, coefficients_.K0, coefficients_.s_delta};
-    slaves_({new_[0].data(), new_[2].data(), of_tile(amplitude_, t), of_tile(direction_, t),
-             of_new_[0].data(), of_new_[1].data(), of_new_[2].data(),
-             step.dt * diagonal(method_.stages - 1), t.count(), t.at},
+    slaves_({new_[0].data(), new_[2].data(), of_tile(amplitude_, t), of_new_[0].data(),
+             of_new_[1].data(), of_new_[2].data(), step.dt * diagonal(method_.stages - 1), t.count(), t.at},
             [&](PetscInt) { return same; });
     for_held(t, [&](PetscInt place, const Combination&) { of_new_[0][place] = 0; });
   }

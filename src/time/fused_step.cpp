@@ -249,7 +249,7 @@ void TiledStep::follow_force(const Tile& t, double dt) const {
   if (!slaves_.any()) return;
   const PetscInt begin = t.own_begin, end = t.own_end;
   const auto of = [&](int index, int d) { return d < tiles_.dof() ? at(t, index, d, begin) : nullptr; };
-  slaves_({of(1, 0), of(1, 2), tiles_.amplitude(begin), tiles_.direction(begin), of(0, 0), of(0, 1), of(0, 2),
+  slaves_({of(1, 0), of(1, 2), tiles_.amplitude(begin), of(0, 0), of(0, 1), of(0, 2),
            dt * stages_.back().diagonal, end - begin, tiles_.number(begin)},
           [&](PetscInt i) { return tiles_.model().coefficients(begin + i); });
   tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, 0, 0, node) = 0; });

@@ -5,18 +5,21 @@
 namespace stickslip {
 
 SlaveErrors::SlaveErrors(const Scene& scene, const FrictionPlaces& places) {
-  if (!scene.massless() && Frictions(scene, 0, 1)[0].steep) tangents_ = loop_for<TangentLoop>(scene.friction, false, places);
+  if (!scene.massless() && Frictions(scene, 0, 1)[0].steep)
+    law_ = kernel::law_columns(scene.friction, false, places);
 }
 
 void SlaveErrors::operator()(const Columns& c,
                              const std::function<NodeCoefficients(PetscInt)>& coefficients) const {
-  for (std::vector<double>* all : {&F_psi_, &F_state_, &g_psi_, &g_state_}) all->resize(std::size_t(c.count));
-  tangents_({c.psi, c.state, c.amplitude, c.direction, F_psi_.data(), F_state_.data(), g_psi_.data(),
-             g_state_.data(), c.count, c.number});
+  for (std::vector<double>& column : columns_) column.resize(std::size_t(c.count));
+  const auto at = [&](int j) { return columns_[j].data(); };
+  const kernel::LawValues law{at(0), at(1), at(2), at(3), at(4), at(5)};
+  law_.partials({c.psi, c.state, nullptr, c.count, c.number}, law);
   for (PetscInt i = 0; i < c.count; ++i) {
     const NodeCoefficients own = coefficients(i);
-    const double hA = c.h * own.A, a = 1 + hA * (own.B + F_psi_[i]), b = hA * F_state_[i];
-    const double of_psi_from_state = c.h * g_psi_[i], d = 1 - c.h * g_state_[i];
+    const double amplitude = c.amplitude ? c.amplitude[i] : 1, hA = c.h * own.A;
+    const double a = 1 + hA * (own.B + amplitude * law.F_psi[i]), b = hA * (amplitude * law.F_state[i]);
+    const double of_psi_from_state = c.h * law.g_psi[i], d = 1 - c.h * law.g_state[i];
     const double determinant = a * d + b * of_psi_from_state;
     if (!(determinant > 0)) continue;  // no slave: friction falls
     const double known = c.of_psi[i] + hA * c.of_eta[i], of_state = c.of_state[i];

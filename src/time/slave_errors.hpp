@@ -9,11 +9,12 @@
 // that of eta.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <vector>
 
+#include "model/law_columns.hpp"
 #include "stickslip/model/scene.hpp"
-#include "model/loops.hpp"
 
 namespace stickslip {
 
@@ -23,11 +24,11 @@ class SlaveErrors {
   // Of nodes by their numbers.
   SlaveErrors(const Scene& scene, const FrictionPlaces& places);
 
-  bool any() const { return bool(tangents_); }
+  bool any() const { return law_.steep; }
   struct Columns {
-    const double *psi, *state;            // the new values
-    const double *amplitude, *direction;  // as in kernel::Columns
-    double* of_psi;                       // errors, in and out
+    const double *psi, *state;  // the new values
+    const double* amplitude;    // as in kernel::Columns
+    double* of_psi;             // errors, in and out
     const double* of_eta;
     double* of_state;
     double h;
@@ -37,8 +38,8 @@ class SlaveErrors {
   void operator()(const Columns& c, const std::function<NodeCoefficients(PetscInt i)>& coefficients) const;
 
  private:
-  TangentLoop tangents_;
-  mutable std::vector<double> F_psi_, F_state_, g_psi_, g_state_;
+  kernel::LawColumns law_;
+  mutable std::array<std::vector<double>, 6> columns_;
 };
 
 }  // namespace stickslip
