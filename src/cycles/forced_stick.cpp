@@ -37,7 +37,7 @@ class ForcedSearch {
       const double t = periods * period_;
       if (fastest(p) > escape_) return {Fate::grows, {}, t};
       quiet_ = changed ? 0 : quiet_ + 1;
-      const int back = seen_.repeats_after(p.u, m_.psi_scale());
+      const int back = seen_.repeats_after(p.u, m_.psi_scale(), m_.state_scale());
       if (back > 0 && quiet_ > most_periods) {
         StickFate ended{m_.all_rest(p) ? Fate::stuck : Fate::oscillates, {}, t};
         ended.cycle.start = p.u;

@@ -10,7 +10,7 @@
 namespace stickslip {
 
 inline constexpr double looks_equal =
-    1e-4;  // of two states, in psi over its size, eta and the state of friction
+    1e-4;  // of two states, in eta, and psi and the state of friction over their sizes
 
 class PastStates {
  public:
@@ -27,12 +27,14 @@ class PastStates {
   }
 
   // How many states ago it looked the same; 0 where in none that is remembered. Remembers this one.
-  int repeats_after(const std::vector<double>& now, double psi_size) {
+  int repeats_after(const std::vector<double>& now, double psi_size, double state_size) {
     int found = 0;
     for (std::size_t back = 0; back < seen_.size() && found == 0; ++back) {
       double apart = 0;
-      for (std::size_t k = 0; k < now.size(); ++k)
-        apart = std::max(apart, std::abs(now[k] - seen_[back][k]) / (k % dof_ == 0 ? psi_size : 1));
+      for (std::size_t k = 0; k < now.size(); ++k) {
+        const double size = k % dof_ == 0 ? psi_size : k % dof_ == 1 ? 1 : state_size;
+        apart = std::max(apart, std::abs(now[k] - seen_[back][k]) / size);
+      }
       if (apart < looks_equal) found = int(back) + 1;
     }
     seen_.push_front(now);

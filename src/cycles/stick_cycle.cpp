@@ -121,7 +121,7 @@ class OrbitSearch {
   bool repeats(const Change& c, const StickState& p) {
     PastStates& seen = seen_.try_emplace({c.node, c.after}, std::size_t(m_.dof())).first->second;
     const double size = std::max({1e-300, seen.largest_psi(), std::abs(m_.scene().v)});
-    releases_ = seen.repeats_after(p.u, size);
+    releases_ = seen.repeats_after(p.u, size, m_.state_scale());
     return releases_ > 0;
   }
   std::optional<StickCycle> cycle(const Change& c, const StickState& p) const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "model/scales_family.hpp"
@@ -62,7 +63,9 @@ void set_massless(const Scene& s, double K, SceneScales& scales) {
 }  // namespace
 
 SceneScales scales_of(const Scene& scene) {
-  const Scene s = scene.averaged();
+  std::optional<Scene> mean;
+  if (scene.medium.varies()) mean = scene.averaged();
+  const Scene& s = mean ? *mean : scene;
   const DroppingScales law = law_scales(s);
   const double K = springless(s) ? s.K1() : s.K0(), B = s.B();
   const double of_force = s.massless() ? (B > 0 ? 1 / B : 0) : K > 0 ? std::sqrt(s.A() / K) : 0;

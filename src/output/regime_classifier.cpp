@@ -236,7 +236,7 @@ class RegimeClassifier {
       const double s = size(begin, begin + length);
       if (!(s > 0)) return t;
       x.push_back((double(begin) + double(length) / 2) * r_.window);
-      y.push_back(std::log(s));
+      y.push_back(std::log(s / scale_));  // the same bits in any units
     }
     t.rate = slope_of(x, y, 0, count, &t.error);
     t.error *= 3 + 12. / double(count - 2);

@@ -10,6 +10,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
@@ -401,13 +402,14 @@ double StepForecast::limit(double dt, double duration) {
 
 namespace {
 
-// Least slope of friction over the velocities, at steady state; with profiles of all nodes, else of amplitude
+// Least slope of friction over the velocities that a scene may have, at steady state; with profiles of all nodes, else of amplitude
 // 1. Collective.
 double least_slope(const Model& model) {
   const bool all = model.scene().has_profile() || model.scene().laws_differ();
+  const SceneScales scales = scales_of(model.scene());
   double least = 0;
   for (PetscInt i = 0; i < (all ? model.local() : 1); ++i)
-    for (double psi = 1e-6; psi < 100; psi *= 1.2)
+    for (double psi = 1e-6 * scales.least.psi; psi < 100 * scales.slip.psi; psi *= 1.2)
       for (const double sign : {-1., 1.}) {
         const double state = model.dof() == 3 ? model.steady_state(i, sign * psi) : 0;
         least =

@@ -13,7 +13,9 @@ namespace stickslip {
 inline constexpr double no_spring = 0x1p-200;
 
 // Whether no force says where the chain is, but for held ends.
-inline bool springless(const Scene& s) { return s.form == Form::chain && s.averaged().K0() <= no_spring; }
+inline bool springless(const Scene& s) {
+  return s.form == Form::chain && (s.medium.varies() ? s.averaged().K0() : s.K0()) <= no_spring;
+}
 
 // Of the velocity `v` of the plate in Scene::load what is the plate's own, without the harmonic force.
 inline double velocity_of_plate_alone(const Scene& s, double v, double t) {
