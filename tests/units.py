@@ -106,7 +106,10 @@ def scaled(value, exponent):
 class Rescaling:
     """Factors 2^powers of place, slip, time, force."""
 
-    def __init__(self, random, options, most=40):
+    def __init__(self, random, options, most=40, factors=None):
+        if factors is not None:
+            self.factors = np.array(factors)
+            return
         place, slip, time, force = (int(random.integers(-most, most + 1)) for _ in range(4))
         # an error that is asked for or listed is the larger of that of psi and of eta, a number: psi keeps its unit
         fixed = (options.get("friction_law", "cubic") in ("cubic", "carlson-langer") or "accuracy" in options
@@ -171,6 +174,20 @@ NO_RESULT = {"options", "wall_s", "seconds", "choosing_seconds", "run_seconds", 
              "correlation", "mesh_intervals", "evaluations", "runs"}
 
 
+# Powers of two change no digit, so what a scene is computed by does the same operations with the same bits: results are
+# equal. Not so where a number with a unit meets a logarithm, as ln theta: there round-off differs, and steps that hang on
+# it may err elsewhere, each by its own tolerance, `ts_rtol` (two runs for `accuracy` by that). And not what comes of
+# eigenvalues.
+RTOL, ROUND_OFF = 1e-6, 1e-10
+OF_EIGENVALUES = {"growth_rate", "frequency"}
+OF_STEPS = {"steps", "rejections", "rhs_evaluations", "error", "error_time", "attempts", "trials", "tolerance", "reference_error",
+            "regime_rate", "time_to_decide"}
+
+
+def has_logarithms(options):
+    return options.get("friction_law") in ("rate-and-state", "dieterich", "n-shaped") or options.get("state_law") == "contact-age"
+
+
 def with_multiplier(row):
     """Of a cycle exp(growth_rate period), which is what is computed: a rate of a strong decay has few digits."""
     if not row.get("growth_rate") or not row.get("period") or "force_drop" not in row:
@@ -192,10 +209,12 @@ def ordered(values):
     return sorted(values, key=lambda z: (round(z["im"] / size, 7), round(z["re"] / size, 7)))
 
 
-def differences(one, other, units, options, tolerance, path="", inherited=0):
+def differences(one, other, units, options, tolerance, path="", inherited=0, absolute=0):
     """Places at which two results differ by more than their units."""
     if isinstance(one, dict) and isinstance(other, dict):
         one, other = with_multiplier(one), with_multiplier(other)
+        # of eigenvalues of a train and multipliers of a cycle by themselves
+        stated = 10 * max(row.get(error) or 0 for row in (one, other) for error in ("translation_error", "multiplier_error"))
         for name in sorted(set(one) | set(other)):
             if name in NO_RESULT or (name == "growth_rate" and "multiplier" in one):
                 continue
@@ -206,24 +225,32 @@ def differences(one, other, units, options, tolerance, path="", inherited=0):
                 exponent = units.key(name, options)
             if "/multipliers" in path:  # re and im of numbers
                 exponent = 0
-            allowed = max(tolerance, decimals(one, name))
-            yield from differences(one.get(name), other.get(name), units, options, allowed, f"{path}/{name}", exponent)
+            if name in OF_STEPS and tolerance >= RTOL:
+                continue
+            if name == "multiplier" and "/branch/points" in path and options.get("friction_law") == "lugre":
+                continue  # a kink at rest, where meshes of a branch have no node, leaves it one digit
+            allowed = max(tolerance, decimals(one, name), ROUND_OFF if name in OF_EIGENVALUES else 0)
+            yield from differences(one.get(name), other.get(name), units, options, allowed, f"{path}/{name}", exponent,
+                                   max(absolute, stated * (name in OF_EIGENVALUES | {"eigenvalues", "multipliers", "multiplier"})))
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         if "multipliers" in path or "eigenvalues" in path:  # of equal size in any order
             one, other = ordered(one), ordered(other)
         for k, (a, b) in enumerate(zip(one, other)):
-            yield from differences(a, b, units, options, tolerance, f"{path}[{k}]", inherited)
+            yield from differences(a, b, units, options, tolerance, f"{path}[{k}]", inherited, absolute)
     elif isinstance(one, str) and isinstance(other, str):
         number = r"-?\d[\d.]*(?:e[-+]?\d+)?"
         if re.sub(number, "#", one) != re.sub(number, "#", other):
             yield f"{path}: {one!r}, {other!r}"
     elif isinstance(one, (int, float)) and isinstance(other, (int, float)) and not isinstance(one, bool):
         if "/branch/points" in path:  # where on the branch steps end, which is no result
-            tolerance = max(tolerance, 1e-4)
+            tolerance = max(tolerance, 1e-3)
         if "/endless" in path:  # a place of a flat maximum: the root of what the value is known to
             tolerance = max(tolerance, 3e-5)
         back = other * 2.0 ** -inherited
-        if not abs(one - back) <= tolerance * max(abs(one), abs(back), 1e-3):  # of scenes whose numbers are near 1
+        size = max(abs(one), abs(back), 1e-3)  # of scenes whose numbers are near 1
+        if path.endswith("amplitude"):  # of psi about v
+            size = max(size, options.get("model_v", 1))
+        if not abs(one - back) <= max(absolute, tolerance * size):
             yield f"{path}: {one!r}, {back!r} ({other!r})"
     elif one != other:
         yield f"{path}: {one!r}, {other!r}"
@@ -249,8 +276,7 @@ def answer(command, options, name):
     return done, summary
 
 
-def compare(command, options, random, tolerance):
-    units = Rescaling(random, options)
+def compare(command, options, units, tolerance):
     done, one = answer(command, with_file(options, "one"), "one")
     if done.returncode == 2 or one is None:
         return done.returncode, [f"refused: {done.stderr[-300:]}"] if done.returncode == 2 else [], [], []
@@ -273,16 +299,16 @@ def draw_law(random, o, smooth=False):
     law = str(random.choice([name for name in laws if not (smooth and name in ("slip-weakening", "dahl"))]))
     o["friction_law"] = law
     u = random.uniform
-    if law in ("carlson-langer", "coulomb", "stribeck"):
-        if smooth and law != "stribeck":
+    if law in ("carlson-langer", "coulomb", "stribeck", "table"):
+        if smooth:
             o |= {"friction_stick": "regularised", "friction_eps": u(0.02, 0.1), "friction_slip_velocity": u(0.05, 0.3)}
-        if random.random() < 0.3:
+        if law != "table" and random.random() < 0.3:
             o["state_law"] = str(random.choice(["healing", "contact-age"]))
             o |= {"state_D": u(0.3, 2)}
             o |= {"state_t_h": u(0.5, 3)} if o["state_law"] == "healing" else {"state_theta0": u(0.3, 2)}
     if law == "coulomb" and o.get("friction_stick") != "regularised":
         o.pop("friction_slip_velocity", None)
-    if law == "carlson-langer":
+    if law != "coulomb":
         o.pop("friction_slip_velocity", None)
     if law == "stribeck":
         o |= {"friction_fc": u(0.3, 0.6), "friction_fs": u(0.7, 1.2), "friction_vs": u(0.2, 1.5),
@@ -368,7 +394,7 @@ def draw_cycle(random):
     if o["model_k0"] == 0:
         o["model_k0"] = 0.3
     if o["grid_n"] == 3:
-        o["cycle_cell"] = 0
+        o |= {"cycle_cell": 0, "init_psi": random.uniform(0.05, 1), "init_eta": random.uniform(-0.5, 0.9)}
     o["model_v"] *= 0.6
     if random.random() < 0.3:
         o |= {"cycle_continue": "model_v", "cycle_to": o["model_v"] * random.uniform(0.5, 1.4), "cycle_steps": 5}
@@ -468,10 +494,12 @@ def draw_fit(random):
     return o
 
 
-def explore(scenes, draw, command, salt, short, tolerance):
+def explore(scenes, draw, command, salt, short, tolerance=None):
+    """`tolerance`: of what the command solves for; without it results are those of steps."""
     answered, bad, refused = 0, [], 0
     for index, (options, random) in scenes(lambda random: (draw(random), random), salt=salt, short=short):
-        code, report, one, other = compare(command, options, random, tolerance)
+        allowed = tolerance if tolerance is not None else max(RTOL, 2 * options.get("accuracy", 0)) * has_logarithms(options)
+        code, report, one, other = compare(command, options, Rescaling(random, options), allowed)
         answered += code == 0
         refused += code == 2
         if report and code != 2:

@@ -16,15 +16,15 @@ def near_critical(generator):
     p = draw(generator) | {"grid_n": 1}
     a, b, D, v, f0, m = (p[name] for name in ("friction_a", "friction_b", "friction_D", "model_v", "model_f0", "model_m"))
     critical = (f0 * (b - a) / D * (1 + m * v ** 2 / (f0 * a * D)) - p["model_zeta"] * v / D)
-    return p | {"model_k0": critical * generator.uniform(0.9, 1.05), "ts_max_time": 30 * 2 * np.pi * D / v * np.sqrt(a / (b - a))}
+    return p | {"model_k0": critical * generator.uniform(0.9, 1.05), "ts_max_time": 60 * np.pi * D / v * np.sqrt(a / (b - a))}
 
 
 def test_near_the_critical_stiffness(scenes):
     """The range of ln psi in the last quarter is right to a tenth, or the run says that it may not be; at tolerances of 1e-9 it
     is right to 3e-3."""
-    for index, p in scenes(near_critical, salt=141, short=4):
+    for index, p in scenes(near_critical, salt=141, short=1):
         times = np.linspace(0.75, 1, 100) * p["ts_max_time"]
-        exact = np.ptp(np.log(motion(p, np.r_[0, times], 1e-9)[0][1:, 0]))
+        exact = np.ptp(np.log(motion(p, np.r_[0, times], 1e-8)[0][1:, 0]))
         said = []
         for more, allowed in (([], 0.1), (["-ts_rtol", "1e-9", "-ts_atol", "auto:1e-9"], 3e-3)):
             _, told = run(words(p) + more + ["-out_file", "s.h5", "-out_times", ",".join(map(repr, times.tolist()))])
@@ -48,7 +48,7 @@ def test_smoothed_slips(scenes):
         s = System(p)
         times = np.linspace(0.025, 1, 40) * p["ts_max_time"]
         found = solve_ivp(s.rates, (0, p["ts_max_time"]), [p["init_psi"], p["init_eta"]], method="Radau", t_eval=times,
-                          jac=lambda t, u: s.jacobian(u), rtol=1e-10, atol=1e-13 * p["model_v"])
+                          jac=lambda t, u: s.jacobian(u), rtol=1e-8, atol=1e-10 * p["model_v"])
         run(words(p) + ["-out_file", "s.h5", "-out_times", ",".join(map(repr, times.tolist()))])
         psi = data("s.h5")["psi"][:, 0]
         off = np.abs(psi - found.y[0]).max() / max(np.abs(found.y[0]).max(), p["model_v"])

@@ -234,7 +234,8 @@ def test_laboratory_sliders_run_to_their_end():
     for more, period in (("", 773.97466), ("-friction_law rate-and-state", 773.97466), ("-state_law slip", 677.34727),
                          ("-ts_type rosw", 773.97466), ("-ts_type arkimex", 773.97466), ("-accuracy 1e-6", 773.97466)):
         s, _ = run(slider + more)
-        check(s["status"] == "done" and s["period_error"] < 0.01 * period, f"{more}: {s['status']}, {s['period_error']}")
+        part = 1e-4 if "accuracy" in more else 0.01  # an error of eta of 1e-6 is 0.01 s of the plate's pull
+        check(s["status"] == "done" and s["period_error"] < part * period, f"{more}: {s['status']}, {s['period_error']}")
         off = abs(s["period"] - period)
         check(off < 1e-5 * period and off < s["period_error"], f"{more}: {s['period']}")
     # beside a viscous bed, where a slip is slow and B psi outweighs the direct effect early
