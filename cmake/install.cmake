@@ -9,8 +9,8 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/stickslip DESTINATION ${CMAKE_IN
 # What laws are made of, and what is compiled for each: commands/register_law.hpp and all that it includes.
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/model ${PROJECT_SOURCE_DIR}/src/numerics ${PROJECT_SOURCE_DIR}/src/commands
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stickslip/source FILES_MATCHING
-        PATTERN "laws/*.hpp" PATTERN "states/*.hpp" PATTERN "*_family.hpp" PATTERN "friction_*.hpp" PATTERN "law*.hpp"
-        PATTERN "dispatch.hpp" PATTERN "model/kernel.hpp" PATTERN "node_parameters.hpp" PATTERN "elementary.hpp"
+        PATTERN "laws/*.hpp" PATTERN "state_laws.hpp" PATTERN "*_family.hpp" PATTERN "friction_*.hpp" PATTERN "law*.hpp"
+        PATTERN "dispatch.hpp" PATTERN "model/kernel.hpp" PATTERN "elementary.hpp"
         PATTERN "jet.hpp" PATTERN "register_law.hpp")
 install(EXPORT stickslip NAMESPACE stickslip:: DESTINATION ${package} FILE stickslipTargets.cmake)
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/stickslipConfig.cmake.in

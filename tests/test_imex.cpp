@@ -6,6 +6,7 @@
 #include "catch.hpp"
 #include "model/dispatch.hpp"
 #include "model/implicit_kernel.hpp"
+#include "numerics/imex_tableau.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/band.hpp"
@@ -14,9 +15,8 @@
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/banded_imex.hpp"
+#include "time/fused_methods.hpp"
 #include "time/fused_step.hpp"
-#include "numerics/imex_tableau.hpp"
-#include "time/leapfrog.hpp"
 
 using namespace stickslip;
 

@@ -6,7 +6,7 @@
 
 #include "catch.hpp"
 #include "stickslip/model/load.hpp"
-#include "stickslip/model/profile.hpp"
+#include "stickslip/model/medium.hpp"
 
 using namespace stickslip;
 

@@ -22,7 +22,7 @@
 #include <utility>
 #include <vector>
 
-#include "model/law_scales.hpp"
+#include "model/law.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/model/friction.hpp"
 

@@ -39,12 +39,18 @@
 #include <utility>
 #include <vector>
 
-#include "model/law_scales.hpp"
 #include "numerics/elementary.hpp"
 #include "numerics/jet.hpp"
 #include "stickslip/model/friction.hpp"
 
 namespace stickslip {
+
+// How large the velocities, forces and states of a law are by itself (stickslip/model/scales.hpp).
+struct LawScales {
+  double velocity = 1;  // 0: it has none
+  double force = 1, state = 1;
+  double length = 0;  // 0: it has none
+};
 
 // A parameter with the member that holds it (none where it is a curve).
 template <class Owner>

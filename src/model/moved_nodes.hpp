@@ -1,4 +1,4 @@
-// Nodes that are advanced by themselves while others rest (time/clusters.hpp), as what watches them sees it.
+// Nodes as those see them who watch a run.
 #pragma once
 
 #include <petscsystypes.h>
@@ -6,7 +6,11 @@
 #include <cstdint>
 #include <limits>
 
+#include "stickslip/model/scene.hpp"
+
 namespace stickslip {
+
+// Nodes that are advanced by themselves while others rest (time/clusters.hpp), as what watches them sees it.
 
 // A step of nodes first, first + 1, ... (round a ring): their unknowns (the state where there is one) and the
 // right-hand side at its beginning and end; where neighbours have viscosity also N D2 psi and N D2 psi_t,
@@ -42,5 +46,16 @@ class MediumNow {
   virtual std::int64_t steps() const = 0;                        // so far, of clusters
   virtual std::int64_t rejections() const = 0;
 };
+
+// What a node counts in a sum over the system.
+
+// 1 in the chain; in the continuum h, and half of it at an end of the line (the trapezoidal rule, in whose
+// inner product D2 is symmetric between free ends: stencil.hpp).
+inline bool counts_half(const Scene& s, PetscInt node) {
+  return s.form == Form::continuum && !s.ring() && (node == 0 || node == s.n - 1);
+}
+inline double node_weight(const Scene& s, PetscInt node) {
+  return (s.form == Form::chain ? 1 : s.h()) * (counts_half(s, node) ? 0.5 : 1);
+}
 
 }  // namespace stickslip

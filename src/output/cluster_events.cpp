@@ -4,7 +4,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "model/node_weight.hpp"
+#include "model/moved_nodes.hpp"
 #include "stickslip/model/plate.hpp"
 #include "stickslip/model/stencil.hpp"
 

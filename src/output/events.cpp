@@ -11,7 +11,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "model/loops.hpp"
-#include "model/node_weight.hpp"
+#include "model/moved_nodes.hpp"
 #include "model/state_response.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"

@@ -5,7 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "model/node_weight.hpp"
+#include "model/moved_nodes.hpp"
 #include "stickslip/model/springs.hpp"
 
 namespace stickslip {

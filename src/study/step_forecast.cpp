@@ -15,7 +15,7 @@
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
-#include "time/leapfrog.hpp"
+#include "time/fused_methods.hpp"
 
 namespace stickslip {
 

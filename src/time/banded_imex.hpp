@@ -17,11 +17,10 @@
 #include <memory>
 #include <vector>
 
-#include "time/band_system.hpp"
-#include "time/imex_columns.hpp"
-#include "time/slave_errors.hpp"
-#include "time/step_errors.hpp"
 #include "model/loops.hpp"
+#include "time/band_layout.hpp"
+#include "time/band_system.hpp"
+#include "time/step_errors.hpp"
 
 namespace stickslip {
 

@@ -6,8 +6,8 @@
 #include "base/failure.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/time/stick.hpp"
+#include "time/fused_methods.hpp"
 #include "time/fused_ts.hpp"
-#include "time/leapfrog.hpp"
 
 namespace stickslip {
 

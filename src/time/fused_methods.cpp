@@ -1,10 +1,9 @@
 #include "time/fused_methods.hpp"
 
+#include "numerics/imex_tableau.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "time/banded_imex.hpp"
-#include "numerics/imex_tableau.hpp"
-#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -118,6 +117,19 @@ StageProgram tableau_of(TS rk) {
   StageProgram tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
   if (t.embedded) tableau.embedded.assign(t.embedded, t.embedded + t.stages);
   return tableau;
+}
+
+const StageProgram& leapfrog() {
+  static const StageProgram method = [] {
+    StageProgram m{3, {0, 0, 0, 0.5, 0, 0, 0.5, 0, 0}, {0.5, 0, 0.5}, {}};
+    m.At = {0, 0, 0, 0, 0.5, 0, 0, 1, 0};
+    m.bt = {0, 1, 0};
+    m.order = 2;
+    m.dense = false;
+    m.target = 1e-13;  // nobody gives a tolerance, and round-off is in reach
+    return m;
+  }();
+  return method;
 }
 
 }  // namespace stickslip

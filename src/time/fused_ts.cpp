@@ -9,8 +9,7 @@
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/added_tableaus.hpp"
-#include "time/leapfrog.hpp"
-#include "time/registered_methods.hpp"
+#include "time/fused_methods.hpp"
 
 namespace stickslip {
 

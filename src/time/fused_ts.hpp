@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/time/register_method.hpp"
 #include "time/fused_methods.hpp"
 
 namespace stickslip {
@@ -74,5 +75,12 @@ class FusedTs {
   Tolerances tolerances_;
   ErrorNorm norm_{};
 };
+
+// The methods that register_method() added.
+struct RegisteredMethod {
+  Method method;
+  PetscErrorCode (*create)(TS);
+};
+const std::vector<RegisteredMethod>& registered_methods();
 
 }  // namespace stickslip

@@ -7,12 +7,11 @@
 #include <vector>
 
 #include "stickslip/time/time.hpp"
-#include "time/choice.hpp"
 #include "time/advance.hpp"
+#include "time/choice.hpp"
 #include "time/dense_output.hpp"
 #include "time/equations.hpp"
 #include "time/fused_ts.hpp"
-#include "time/shorter_step.hpp"
 #include "time/step_guard.hpp"
 #include "time/stick_steps.hpp"
 

@@ -9,9 +9,8 @@
 #include "options/values.hpp"
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
+#include "time/fused_methods.hpp"
 #include "time/fused_ts.hpp"
-#include "time/leapfrog.hpp"
-#include "time/registered_methods.hpp"
 
 namespace stickslip {
 

@@ -8,8 +8,8 @@
 
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
+#include "time/fused_methods.hpp"
 #include "time/integrator_impl.hpp"
-#include "time/leapfrog.hpp"
 
 namespace stickslip {
 

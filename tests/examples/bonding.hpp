@@ -1,5 +1,5 @@
 #pragma once
-#include "model/states/slip_distance.hpp"
+#include "model/state_laws.hpp"
 
 namespace stickslip {
 

@@ -14,7 +14,7 @@
 //     slip         rate-and-state,  theta_t = -(|psi| theta/D) ln(|psi| theta/D)
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
 //
-// A law is a class in a file of its own, src/model/laws/, and a line in the list src/model/law_list.hpp; a
+// A law is a class, in src/model/laws/ or a file of its own, and stands in the list src/model/law_list.hpp; a
 // state law likewise (docs/developers/adding.md). Nothing outside src/model names one: `Law` and `StateLaw`
 // hold what the class says of itself, `Friction` is a law with its state law and parameters, resolved once.
 // Loops over nodes are compiled for each class (src/model/loops.hpp).
@@ -36,7 +36,6 @@
 
 #include "stickslip/model/medium.hpp"
 #include "stickslip/model/node_terms.hpp"
-#include "stickslip/model/profile.hpp"
 
 namespace stickslip {
 

@@ -1,11 +1,87 @@
-// Regularised Dieterich-Ruina friction, F = a asinh[psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a)], s =
-// ln(theta).
+// Rate-and-state laws: friction that is no product of a function of velocity and one of the state.
 #pragma once
 
-#include "model/laws/direct_effect.hpp"
+#include "model/law.hpp"
 
 namespace stickslip {
 
+// What rate-and-state laws share, F = a asinh[psi/(2 psi0) exp(l)]: they differ in the exponent l that the
+// state gives.
+
+// The argument q = psi/(2 psi0) exp(l) of asinh is kept as a logarithm, since exp(mu0/a) overflows for a
+// below mu0/700.
+struct DirectEffect {
+  double a, psi0;
+
+  // `evolution`: a times the derivative of l in the state. Without a branch, for loops over nodes.
+  template <class Real>
+  PartialsOf<Real> partials(Real psi, Real l, Real evolution) const {
+    using elementary::exp, elementary::log_sum, elementary::where_less, std::abs, std::sqrt;
+    const Real magnitude = abs(psi);
+    const double sign = elementary::sign_of(elementary::value_of(psi)), per = 1 / (2 * psi0);
+    // exp(l) in two factors: so q overflows only where it is beyond any velocity's
+    const Real root_exp = exp(where_less(l, 1400, l, Real(1400.)) / 2),
+               q = magnitude * (root_exp * per) * root_exp;
+    const Real root = sqrt(1 + q * q), above = q + q * (q / (1 + root));  // asinh(q) = ln(1 + above)
+    // From here on asinh(q) = ln(2 q), q/sqrt(1 + q^2) = 1 to the last digit: ln(magnitude) - ln(psi0) + l.
+    constexpr double far = 5e8;
+    const Real one_above = 1 + above, u = where_less(q, far, one_above, magnitude);
+    const Real lost = where_less(q, far, Real(above - (one_above - 1)), Real(0.));
+    const Real rest = where_less(q, far, Real(0.), Real(l - elementary::log(psi0)));
+    // At rest alone is the slope in danger of overflow.
+    const Real capped = where_less(root_exp, 1e130, root_exp, Real(1e130)), slope = capped * capped * per;
+    return {sign * a * (log_sum(u, lost) + rest),
+            a * where_less(q, far, Real(slope / root), Real(1 / magnitude)),
+            sign * evolution * where_less(q, far, Real(q / root), Real(1.))};
+  }
+
+  // Over decades of velocity F is a logarithm, on which Newton's steps in psi shoot through zero, while steps
+  // in F are exact; where the mass outweighs friction it is the other way round. For psi > 0 the left side is
+  // concave in psi and convex in F, so that the two steps enclose the solution; of the enclosed values the
+  // one nearest to psi = a/mass, where both terms weigh alike, makes the most of either. `force`: F after the
+  // linear step to psi_new; l: the exponent there.
+  double nearest_psi(double psi, double psi_new, double force, double l, double mass) const {
+    using elementary::exp, elementary::expm1, elementary::where_less;
+    // psi = 2 psi0 exp(-l) sinh(y)
+    const double y = force / a, m = std::abs(y), exponent = m - l;
+    const double magnitude = -psi0 * exp(where_less(exponent, 600, exponent, 600)) * expm1(-2 * m);
+    const double by_force = elementary::sign_of(y) * magnitude, sign = elementary::sign_of(psi),
+                 linear = sign * psi_new;
+    const double nearer = where_less(magnitude, std::abs(psi_new), by_force, psi_new);
+    const double low = where_less(linear, magnitude, linear, magnitude);
+    const double high = where_less(linear, magnitude, magnitude, linear);
+    const double balance = a / mass, above = where_less(low, balance, balance, low);
+    const double enclosed = sign * where_less(above, high, above, high);
+    // of one sign, of which 0 is none
+    return where_less(0, by_force * psi, enclosed, nearer);
+  }
+};
+
+// Of a law L with a, psi0, exponent(s) and evolution(s): the l above, and a times its derivative.
+template <class L>
+struct OfDirectEffect : LawDefaults {
+  static constexpr bool jumps_at_rest = false;
+  static constexpr bool takes_state = true, steep = true;
+
+  template <class Real>
+  PartialsOf<Real> partials(Real psi, Real s) const {
+    const L& law = static_cast<const L&>(*this);
+    return DirectEffect{law.a, law.psi0}.partials(psi, law.exponent(s), Real(law.evolution(s)));
+  }
+  LawScales scales() const {
+    const L& law = static_cast<const L&>(*this);
+    return {0, law.mu0 > law.a ? law.mu0 : law.a, 1};
+  }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    const L& law = static_cast<const L&>(*this);
+    const Partials p = partials(psi, s);
+    const double force = p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s);
+    return DirectEffect{law.a, law.psi0}.nearest_psi(psi, psi_new, force, law.exponent(s_new), mass);
+  }
+};
+
+// Regularised Dieterich-Ruina friction, F = a asinh[psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a)], s =
+// ln(theta).
 struct RateAndState : OfDirectEffect<RateAndState> {
   static constexpr const char* name = "rate-and-state";
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;
@@ -33,6 +109,79 @@ struct RateAndState : OfDirectEffect<RateAndState> {
   template <class Real>
   Real evolution(Real) const {
     return b;
+  }
+};
+
+// Rate-and-state friction for every velocity, F = a asinh[psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D +
+// psi0/psi_s))/a)], s = ln(theta): the evolution effect ends at velocities above psi_s, where friction rises
+// again. With ageing that is cut off (theta <= D/psi_h) it rises below psi_h too, so that for b > a and psi_h
+// << psi_s steady friction is shaped like an N: a maximum near psi_h sqrt(a/(b - a)), a minimum near psi_s (b
+// - a)/a.
+struct NShaped : OfDirectEffect<NShaped> {
+  static constexpr const char* name = "n-shaped";
+  static constexpr const char* usual_state = "ageing-cutoff";
+  double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1, psi_s = 1;
+  static std::vector<Declared<NShaped>> parameters() {
+    using R = Parameter::Range;
+    using L = NShaped;
+    return {{&L::a, {"a", "0.05", R::positive, "", ""}},
+            {&L::b, {"b", "0.1", R::not_negative, "", ""}},
+            {&L::D, {"D", "0.1", R::positive, "length", "", "0.1, or state_D", "state_D"}},
+            {&L::mu0, {"mu0", "0.6", R::not_negative, "", ""}},
+            {&L::psi0, {"psi0", "1", R::positive, "velocity", ""}},
+            {&L::psi_s,
+             {"psi_s", "1", R::positive, "velocity", "n-shaped: velocity above which friction rises again"}}};
+  }
+
+  // l = (mu0 + b ln(psi0 theta/D + psi0/psi_s))/a, and a times its derivative in s
+  template <class Real>
+  Real exponent(Real s) const {
+    using elementary::exp, elementary::log;
+    return (mu0 + b * log(psi0 * (exp(s) / D + 1 / psi_s))) / a;
+  }
+  template <class Real>
+  Real evolution(Real s) const {
+    using elementary::exp;
+    const Real aged = exp(s) / D;
+    return b * aged / (aged + 1 / psi_s);
+  }
+};
+
+// Rate-and-state friction as it was measured, F = mu0 + a ln(psi/psi0) + b ln(psi0 theta/D), s = ln(theta),
+// for psi > 0 alone (J. H. Dieterich, J. Geophys. Res. 84 (1979) 2161; A. Ruina, ibid. 88 (1983) 10359). The
+// law rate-and-state is this one, regularised at rest: at psi >> psi0 exp(-mu0/a) the two are alike.
+struct Dieterich : LawDefaults {
+  static constexpr const char* name = "dieterich";
+  static constexpr const char* only_for = "psi > 0";
+  static constexpr bool jumps_at_rest = false;
+  static constexpr bool takes_state = true, steep = true;
+  double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;
+  static std::vector<Declared<Dieterich>> parameters() {
+    using R = Parameter::Range;
+    using L = Dieterich;
+    return {{&L::a, {"a", "0.05", R::positive, "", ""}},
+            {&L::b, {"b", "0.1", R::not_negative, "", ""}},
+            {&L::D, {"D", "0.1", R::positive, "length", "", "0.1, or state_D", "state_D"}},
+            {&L::mu0, {"mu0", "0.6", R::not_negative, "", ""}},
+            {&L::psi0, {"psi0", "1", R::positive, "velocity", ""}}};
+  }
+
+  LawScales scales() const { return {0, mu0 > a ? mu0 : a, 1}; }
+  template <class Real>
+  PartialsOf<Real> partials(Real psi, Real s) const {
+    using elementary::log;
+    return {mu0 + a * log(psi / psi0) + b * (elementary::log(psi0 / D) + s), a / psi, Real(b)};
+  }
+  // As for rate-and-state friction (DirectEffect): for psi > 0 the step in psi falls short of the
+  // solution and the step in F goes beyond it; of what lies between, the velocity nearest to a/mass.
+  double newton_psi(double psi, double, double psi_new, double, double mass) const {
+    using elementary::exp, elementary::where_less;
+    const double exponent = (psi_new - psi) / psi;
+    const double by_force = psi * exp(where_less(exponent, 600, exponent, 600));
+    const double low = where_less(psi_new, by_force, psi_new, by_force);
+    const double high = where_less(psi_new, by_force, by_force, psi_new);
+    const double balance = a / mass, above = where_less(low, balance, balance, low);
+    return where_less(above, high, above, high);
   }
 };
 

@@ -5,7 +5,7 @@
 #include "bonding.hpp"
 #include "hump.hpp"
 #include "lorentz.hpp"
-#include "model/laws/cubic.hpp"
+#include "model/laws/of_velocity.hpp"
 
 namespace stickslip {
 
