@@ -93,45 +93,49 @@ void fit_normal_load(Choice& choice, const std::string& name) {
   choice.fused = false;
 }
 
-// How often a deviation of eta dies away, by a factor of e each time, while the state recovers from a slip.
-// Where friction that bends at rest (asinh) has been lost in the slip, all the way down to the bend, psi is
-// back at v at once, against B alone, and the state takes until it has slipped by D at that velocity or has
-// aged: at each of its values on the way deviations die away at (K0 + K1 kappa^2)/(B + F_psi), and explicit
-// steps are no longer than about three of these times. At most so often: in the slip B psi takes over all
-// that friction loses. Collective.
-double deaths_in_recovery(const Model& model) {
+// How often a deviation of what is explicit dies away, or turns, while the state recovers from a slip. Where
+// friction that bends at rest (asinh) has been lost in the slip, all the way down to the bend, psi is back at
+// v at once, against B alone, and the state takes until it has slipped by D at that velocity or has aged: at
+// each of its values on the way deviations go at K1 kappa^2/(B + F_psi), without mass (K0 + K1 kappa^2)/(B +
+// F_psi), and no faster than waves, and explicit steps are no longer than about three of these times. At most
+// so often: in the slip B psi, and what a spring gives to a mass, take over all that friction loses.
+// Collective.
+double turns_in_recovery(const Model& model) {
   const Scene& s = model.scene();
-  const double B = s.B();
-  if (!model.friction_law(0).steep || model.dof() != 3 || s.v == 0 || !(B > 0)) return 0;
-  const PetscInt places = s.friction.varies() ? model.local() : std::min<PetscInt>(model.local(), 1);
+  if (!model.friction_law(0).steep || model.dof() != 3 || s.v == 0) return 0;
+  const bool alike = !s.friction.varies() && !s.medium.varies();
+  const PetscInt places = alike ? std::min<PetscInt>(model.local(), 1) : model.local();
+  const double wave = model.wave_frequency();
   double most = 0;
   for (PetscInt i = 0; i < places; ++i) {
+    const NodeCoefficients c = model.coefficients(i);
     const double creeping = model.steady_state(i, s.v);
     const Partials before = model.friction(i, s.v, creeping);
-    double slip = before.F / B;
+    const double resistance = c.B + (s.massless() ? 0 : std::sqrt(c.K0 / c.A));
+    if (!(resistance > 0)) continue;
+    double slip = before.F / resistance;
     for (int round = 0; round < 50; ++round)
-      slip = (before.F - model.friction(i, slip, model.steady_state(i, slip)).F) / B;
+      slip = (before.F - model.friction(i, slip, model.steady_state(i, slip)).F) / resistance;
     if (!(slip / s.v > 1)) continue;
     constexpr int parts = 200;  // of the way of ln of the state, up to a factor of e
     const double from = model.steady_state(i, slip), part = (creeping - 1 - from) / parts;
-    double deaths = 0;
+    const double pull = s.massless() ? wave * (c.B + before.F_psi) : wave * wave / c.A - c.K0;
+    double turns = 0;
     for (int k = 0; k < parts && part > 0; ++k) {
       const double state = from + (k + 0.5) * part, rate = model.state_rate(i, s.v, state).g;
-      if (rate > 0) deaths += part / rate * (B + before.F_psi) / (B + model.friction(i, s.v, state).F_psi);
+      const double slide = pull / (c.B + model.friction(i, s.v, state).F_psi);
+      if (rate > 0) turns += part / rate * (s.massless() ? slide : std::min(slide, wave));
     }
-    most = std::max(most, deaths);
+    most = std::max(most, turns);
   }
-  return largest_over(model.comm(), most) * model.wave_frequency();
+  return largest_over(model.comm(), most);
 }
 
-// Without mass what is fast is how short deviations die away, where their blocks slide. It is stiff where
-// that is much faster than the slowest of them, or goes on for long after a slip: from 1e4 times on the
-// explicit pair takes more evaluations than the implicit ones of a whole cycle.
+// Without mass what is fast is how short deviations die away, where their blocks slide.
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
   const double relaxation = model.wave_frequency(), own = scales_of(s).rate;
-  const bool spreads = s.K0() > 0 && own < relaxation / 2400;
-  return {relaxation, model.friction_rate(u), false, spreads || deaths_in_recovery(model) > 1e4, own};
+  return {relaxation, model.friction_rate(u), false, s.K0() > 0 && own < relaxation / 2400, own};
 }
 
 // The entry of the tableau that the TS will have, of a type that is implicit.
@@ -274,6 +278,8 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   Rates rates = usual;
   if (!model.scene().massless())
     rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
+  // from so many on an explicit pair takes more evaluations for them than implicit steps for a whole cycle
+  rates.stiff_wave = rates.stiff_wave || turns_in_recovery(model) > 1e4;
   const bool sticks = Stick::applies_to(model.scene());
   const Implicit stiff = stiff_part(model, rates, sticks);
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";

@@ -10,12 +10,14 @@ METHODS = ["", "-imex_implicit both", "-ts_type arkimex -ts_arkimex_type 4", "-t
 
 
 def creeping(generator):
-    """Sliding that a disturbance dies away from, above the critical stiffness: psi stays near v, and steps are long. The mass is
-    down to 1e-12 of that with which inertia would matter."""
+    """Sliding that a disturbance dies away from, above the critical stiffness, which inertia raises by 1 + m v^2/(f0 a D): psi stays
+    near v, and steps are long. The mass is down to 1e-12 of that with which inertia would matter."""
     p = draw(generator, most_blocks=6)
-    critical = p["model_f0"] * (p["friction_b"] - p["friction_a"]) / p["friction_D"]
+    weakening = p["model_f0"] * (p["friction_b"] - p["friction_a"]) / p["friction_D"]
+    mass = 10 ** generator.uniform(-12, 0)
+    critical = weakening * (1 + mass * (p["friction_b"] / p["friction_a"] - 1))
     p |= {"model_k0": critical * generator.uniform(1.1, 3), "model_k1": critical * generator.uniform(0.1, 3),
-          "model_m": 10 ** generator.uniform(-12, 0) * critical * (p["friction_D"] / p["model_v"]) ** 2,
+          "model_m": mass * weakening * (p["friction_D"] / p["model_v"]) ** 2,
           "model_zeta": 10 ** generator.uniform(-6, -1) * p["model_f0"] * p["friction_a"] / p["model_v"],
           "init_psi": p["model_v"] * generator.uniform(0.7, 1.3), "ts_max_time": 40 * p["friction_D"] / p["model_v"]}
     return p, str(generator.choice(METHODS)).split()

@@ -257,6 +257,10 @@ def test_friction_that_a_slip_loses():
         s, _ = run(slider + more)
         check(s["status"] == "done" and s["method"] == method and s["steps"] < 1e4, f"{more}: {s['method']}, {s['steps']}")
         check("ageing" in more or abs(s["period"] / 48209.3056 - 1) < 1e-5, f"{more}: {s['period']}")
+    # with mass what is explicit beside friction, a neighbour's pull, is as fast
+    for more, implicit in (("-state_law slip", "both"), ("-state_law ageing", "friction")):
+        s, _ = run(f"{slider} -model_m 250 -grid_n 2 -model_k1 5e10 -scene_reduce off {more}")
+        check(s["status"] == "done" and s["implicit"] == implicit and s["steps"] < 2e4, f"{more}: {s['implicit']}, {s['steps']}")
 
 
 def drawn_oscillation(rng):
