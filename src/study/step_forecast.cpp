@@ -402,8 +402,8 @@ double StepForecast::limit(double dt, double duration) {
 
 namespace {
 
-// Least slope of friction over the velocities that a scene may have, at steady state; with profiles of all nodes, else of amplitude
-// 1. Collective.
+// Least slope of friction over the velocities that a scene may have, at steady state; with profiles of all
+// nodes, else of amplitude 1. Collective.
 double least_slope(const Model& model) {
   const bool all = model.scene().has_profile() || model.scene().laws_differ();
   const SceneScales scales = scales_of(model.scene());
