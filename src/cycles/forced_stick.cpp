@@ -39,7 +39,7 @@ class ForcedSearch {
       quiet_ = changed ? 0 : quiet_ + 1;
       const int back = seen_.repeats_after(p.u, m_.psi_scale(), m_.state_scale());
       if (back > 0 && quiet_ > most_periods) {
-        StickFate ended{m_.all_rest(p) ? Fate::stuck : Fate::oscillates, {}, t};
+        StickFate ended{m_.free_nodes_rest(p) ? Fate::stuck : Fate::oscillates, {}, t};
         ended.cycle.start = p.u;
         return ended;
       }

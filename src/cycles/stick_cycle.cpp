@@ -50,7 +50,10 @@ class OrbitSearch {
       if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
       if (size(p) > escape_) return {Fate::grows, {}, p.t};
       if (changes.empty()) {
-        if (++quiet_ > patience_) return ended(p, oscillates(p) ? Fate::oscillates : Fate::slides);
+        if (++quiet_ > patience_)
+          return ended(p, m_.free_nodes_rest(p) ? Fate::waits
+                          : oscillates(p)       ? Fate::oscillates
+                                                : Fate::slides);
         if (turns_ > 0 && m_.size() == 2) return ended(p, stable() ? Fate::slides : Fate::oscillates);
         if (turns_ > 1 && closing(p)) return ended(p, Fate::slides);
         continue;
@@ -151,6 +154,7 @@ std::string to_string(Fate fate) {
     case Fate::slides: return "slides steadily";
     case Fate::oscillates: return "oscillates without rest";
     case Fate::stuck: return "rests permanently";
+    case Fate::waits: return "rests without a slip";
     case Fate::grows: return "grows without bound";
     default: return "sticks and slips without repeating";
   }

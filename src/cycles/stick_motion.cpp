@@ -63,6 +63,12 @@ bool StickMotion::all_rest(const StickState& p) const {
   return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
 }
 
+bool StickMotion::free_nodes_rest(const StickState& p) const {
+  for (int i = 0; i < nodes_; ++i)
+    if (!held(i) && p.direction[i] != 0) return false;
+  return true;
+}
+
 // Nodes without friction slide through psi = 0: only what their state sees of psi turns there.
 bool StickMotion::follow_frictionless(StickState& p) const {
   bool turned = false;

@@ -123,6 +123,7 @@ class StickMotion {
   long most_steps(std::size_t deviations) const;
 
   bool all_rest(const StickState& p) const;  // however long that lasts, it is passed at once
+  bool free_nodes_rest(const StickState& p) const;  // beside ends that may move
 
   // On to the next change, and past it (several at once: nodes that change together), but not beyond the time
   // `until`. The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws

@@ -164,6 +164,8 @@ REFUSED = [("-model_v 1.2", 1, "no cycle: nothing oscillates"),
            ("-cycle_cell 0 -grid_n 6 -cycle_spectrum", 2, "no neighbours"),
            ("-model_form chain -model_k0 0", 2, "nothing drives a cycle"),
            ("-cycle_cell 3 -model_v 1.2 -init_noise 0.1", 1, "settles on steady sliding"),
+           ("-model_form chain -grid_n 4 -cycle_cell 0 -bc_left velocity -bc_left_value -0.01 -bc_right free -friction_law coulomb -model_v -0.01 "
+            "-friction_back_slip false -init_psi 0 -init_eta 0", 1, "rests without a slip"),
            ("-model_form chain -grid_n 20 -cycle_cell 0 -friction_spread 0.1", 1, "never repeats")]
 
 

@@ -40,6 +40,7 @@ enum class Fate {
   slides,      // steady sliding
   oscillates,  // without rest
   stuck,       // permanently at rest
+  waits,       // at rest as long as was looked at, beside an end that moves
   grows,       // without bound
   wanders      // changes between rest and sliding without repeating within the time that was looked at
 };
