@@ -79,14 +79,30 @@ def rates(p):
     return massive, slopes, np.r_[y, force(y, s)[0] + zeta / f0 * np.exp(y), s]
 
 
-def motion(p, times, rtol, method="Radau"):
-    """psi of all blocks at the times, and when the first one's rises through v until the last of them."""
+def solved(p, until, rtol, method, **more):
     f, slopes, start = rates(p)
-    more = {} if slopes is None or method not in ("Radau", "BDF") else {"jac": slopes}
 
     def passes(_, x):
         return x[0] - np.log(p["model_v"])
     passes.direction = 1
-    seen = solve_ivp(f, (0, times[-1]), start, method=method, rtol=rtol, atol=rtol, t_eval=times, events=passes, **more)
+    if slopes is not None and method in ("Radau", "BDF"):
+        more["jac"] = slopes
+    seen = solve_ivp(f, (0, until), start, method=method, rtol=rtol, atol=rtol, events=passes, **more)
     assert seen.success, seen.message
-    return np.exp(seen.y[:p["grid_n"]].T), seen.t_events[0]
+    return seen
+
+
+def motion(p, times, rtol, method="Radau"):
+    """psi of all blocks at the times."""
+    return np.exp(solved(p, times[-1], rtol, method, t_eval=times).y[:p["grid_n"]].T)
+
+
+def passages(p, until, rtol, method):
+    """When psi of the first block rises through v, in the second half of the run, and how fast ln psi rises there; None where
+    that does not repeat."""
+    seen = solved(p, until, rtol, method, dense_output=True)
+    late = seen.t_events[0][seen.t_events[0] > 0.5 * until]
+    if len(late) < 3 or np.ptp(np.diff(late)) > 1e-6 * np.diff(late).mean():
+        return None
+    before = late - 1e-6 * np.diff(late).mean()
+    return late, (seen.sol(late)[0] - seen.sol(before)[0]) / (late - before)

@@ -32,7 +32,7 @@ def test_frames_are_as_good_as_steps(scenes):
         s, _ = run(words(p) + noise + method + ["-ts_atol", str(1e-6 * p["model_v"]), "-out_file", "s.h5", "-out_frames", "40"])
         file = data("s.h5")
         p["init_psi"] = file["psi"][0]
-        psi, _ = motion(p, np.r_[file["t"][:-1], end], 1e-9)
+        psi = motion(p, np.r_[file["t"][:-1], end], 1e-9)
         off = np.abs(file["psi"] / psi - 1).max(axis=1)
         allowed = 2e-6 * np.sqrt(3 * p["grid_n"]) * s["steps"]
         check(off.max() < allowed, f"scene {index}: psi off by {off.max()} of it at frame {off.argmax()}, {method}, {p}")

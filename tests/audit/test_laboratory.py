@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calls import check, data, run
-from laboratory import draw, motion
+from laboratory import draw, passages
 from reference import words
 
 
@@ -14,18 +14,6 @@ def start(p, index):
     noise = [] if p["grid_n"] == 1 else ["-init_noise", str(0.1 * p["init_psi"]), "-init_seed", str(index + 1)]
     run(words(p | {"ts_max_time": p["friction_D"] / p["model_v"]}) + noise + ["-out_file", "start.h5", "-out_times", "0"])
     return p | {"init_psi": data("start.h5")["psi"][0]}, noise
-
-
-def passages(p):
-    """When psi of the first block rises through v, in the second half of the run, and how fast ln psi rises there."""
-    method, rtol = ("Radau", 1e-8) if p["model_m"] > 0 else ("LSODA", 1e-9)
-    _, passed = motion(p, [0, p["ts_max_time"]], rtol, method)
-    late = passed[passed > 0.5 * p["ts_max_time"]]
-    if len(late) < 3 or np.ptp(np.diff(late)) > 1e-6 * np.diff(late).mean():
-        return None, None
-    before = late - 1e-6 * np.diff(late).mean()
-    psi, _ = motion(p, np.sort(np.r_[before, late, p["ts_max_time"]]), rtol, method)
-    return late, np.diff(np.log(psi[:-1, 0]).reshape(-1, 2), axis=1)[:, 0] / (late - before)
 
 
 def massive(generator):
@@ -45,9 +33,11 @@ def test_period_of_stick_slip(scenes, drawn, short):
     for index, p in scenes(drawn, salt=131, short=short):
         p["ts_max_time"] = 160 * p["model_f0"] * (p["friction_b"] - p["friction_a"]) / (p["model_k0"] * p["model_v"])
         exact, noise = start(p, index)
-        late, rise = passages(exact)
-        if late is None:
+        method, rtol = ("Radau", 1e-8) if p["model_m"] > 0 else ("LSODA", 1e-9)
+        repeats = passages(exact, p["ts_max_time"], rtol, method)
+        if repeats is None:
             continue
+        late, rise = repeats
         compared += 1
         times = ",".join(repr(float(t)) for t in late)
         run(words(p) + noise + ["-out_file", "s.h5", "-out_times", times])
