@@ -160,9 +160,12 @@ struct Regime::Impl {
     const SceneScales scales = scales_of(s);
     a.scale = scales.velocity;
     a.v = std::abs(s.v);  // in the plate's direction, as the record is
+    // a rate of the size of round-off has no sign
+    const double none = 1e-10 * scales.rate;
     a.growth = certain_growth(t);
-    a.stable = growth < 0;
-    a.unstable = growth > 0;
+    if (a.growth && std::abs(*a.growth) <= none) a.growth.reset();
+    a.stable = growth < -none;
+    a.unstable = growth > none;
     a.linear = std::isfinite(growth) ? growth : 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;

@@ -20,17 +20,20 @@ def near_critical(generator):
 
 
 def test_near_the_critical_stiffness(scenes):
-    """The range of ln psi in the last quarter is right to a tenth, or the run says that it may not be; at tolerances of 1e-9 it
-    is right to 3e-3."""
+    """The range of ln psi in the last quarter is right to a tenth, or the run says that it may not be, or that this is sliding (within
+    1 % of v); at tolerances of 1e-9 it is right to 3e-3."""
     for index, p in scenes(near_critical, salt=141, short=1):
         times = np.linspace(0.75, 1, 100) * p["ts_max_time"]
         exact = np.ptp(np.log(motion(p, np.r_[0, times], 1e-8)[0][1:, 0]))
+        if exact > 1:  # slips, whose extremes hang on when one looks: test_laboratory.py
+            continue
         said = []
         for more, allowed in (([], 0.1), (["-ts_rtol", "1e-9", "-ts_atol", "auto:1e-9"], 3e-3)):
-            _, told = run(words(p) + more + ["-out_file", "s.h5", "-out_times", ",".join(map(repr, times.tolist()))])
+            summary, told = run(words(p) + more + ["-out_file", "s.h5", "-out_times", ",".join(map(repr, times.tolist()))])
             off = np.ptp(np.log(data("s.h5")["psi"][:, 0])) / exact - 1
             said.append(WARNED in told)
-            check(abs(off) < allowed or said[-1], f"scene {index} {more}: the range of ln psi is off by {off:.2g}, {p}")
+            slides = summary["regime"] == "sliding" and exact < 0.02 and not more
+            check(abs(off) < allowed or said[-1] or slides, f"scene {index} {more}: the range of ln psi is off by {off:.2g}, {p}")
         check(not said[1], f"scene {index}: warned at 1e-9, {p}")
 
 
