@@ -163,7 +163,7 @@ PetscErrorCode Equations::Converged(SNES snes, PetscInt round, PetscReal x, Pets
       miss = residual / target;
       if (*reason || round == 0) return;
     } else {
-      *reason = std::isfinite(residual) ? SNES_CONVERGED_ITERATING : SNES_DIVERGED_FNORM_NAN;
+      *reason = std::isfinite(residual) ? SNES_CONVERGED_ITERATING : SNES_DIVERGED_FUNCTION_DOMAIN;
       if (*reason || round == 0) return;  // the shift comes with the Jacobian
       Vec u, f;
       SS_TRY(SNESGetSolution(snes, &u));
