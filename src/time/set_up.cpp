@@ -212,7 +212,8 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
   }
   SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
   clock_limits = model.friction_law(0).steep;
-  if (clock_limits && !user_set(prefix, "ts_adapt_dt_min")) floor = 0;  // the library's 1e-20 is of one unit
+  if (clock_limits && method->type != std::string(TSBDF) && !user_set(prefix, "ts_adapt_dt_min"))
+    floor = 0;  // the library's 1e-20 is of one unit
   allow_rejections();
   refuse_below_round_off(u);
 }
