@@ -86,6 +86,7 @@ struct Integrator::Impl {
   void set_floor() const;
   void after_step();
   bool reaches_balance(const Step& step) const;
+  std::string instead() const;  // of this method, for messages
   void check_floor(const Step& step);
   Step step_now();
   bool output_due(double until);

@@ -165,6 +165,11 @@ bool Integrator::Impl::reaches_balance(const Step& step) const {
          balance_at_once(model, tolerances, std::max(advance.same_time, clock * std::abs(step.t)), step.u);
 }
 
+std::string Integrator::Impl::instead() const {
+  const bool remembers = method->type == std::string(TSBDF) && model.friction_law(0).steep;
+  return remembers ? ", or take ts_type arkimex or rosw, by which psi may fall by decades at once" : "";
+}
+
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
 // that this one's error was at the tolerance or beyond. At the floor that the clock sets this is so while a
 // slip comes to rest, but not for long.
@@ -188,7 +193,8 @@ void Integrator::Impl::check_floor(const Step& step) {
                   number_text(step.t), step.index);
   throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) +
                 " at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
-                ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
+                ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol" +
+                instead());
 }
 
 Integrator::Step Integrator::Impl::step_now() {
@@ -364,7 +370,7 @@ void Integrator::Impl::fail(TSConvergedReason reason) const {
   throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) +
                 " times (ts_max_reject)" + at +
                 (unsolved ? ": Newton's method fails in the implicit part" : "") +
-                "; reduce ts_dt or loosen ts_rtol and ts_atol");
+                "; reduce ts_dt or loosen ts_rtol and ts_atol" + instead());
 }
 
 Integrator::Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix)

@@ -43,6 +43,12 @@ def test_psi_that_falls_by_decades_at_once(method):
     check(abs(friction - eta).max() < 2.1e-6, f"{method}: friction is off by {abs(friction - eta).max()}")
 
 
+def test_what_bdf_cannot_is_told():
+    refused(f"{BLOCK} -friction_law dieterich -state_law prz -friction_a 7.344e-4 -friction_b 1.684e-3 -friction_D 0.0641 -friction_mu0 0.6"
+            " -friction_psi0 0.255 -model_v 0.03246 -model_k0 3.962e-3 -model_m 1.414e-4 -init_psi 3.246e-3 -init_eta 0.15934"
+            " -ts_max_time 3000 -ts_type bdf", 1, "take ts_type arkimex or rosw")
+
+
 def test_strict_steps_of_stiff_chains():
     # psi is a slave of the force, 1e16 times faster than a step: what it is off by at the start of a step is no error of it.
     scene = ("-model_form chain -bc_left free -grid_n 20 -friction_law rate-and-state -friction_a .01 -friction_b .015"
