@@ -113,7 +113,7 @@ bool is_program_wide(const std::string& name) {
 
 bool is_used(const std::string& name) {
   PetscBool used = PETSC_FALSE;
-  SS_TRY(PetscOptionsUsed(nullptr, name.c_str(), &used));
+  SS_TRY(PetscOptionsUsed(nullptr, name_in_database(name).c_str(), &used));
   return used;
 }
 
@@ -272,6 +272,15 @@ void check_library_types(const Options& options) {
                         near.empty() ? "; it is one of " + joined(words, " ") : near);
     }
   }
+}
+
+std::string name_in_database(const std::string& name, const std::string& prefix) {
+  const std::string newer = name == "ts_dt"           ? "ts_time_step"
+                            : name == "ts_max_reject" ? "ts_max_step_rejections"
+                                                      : name;
+  PetscBool set;
+  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + newer).c_str(), &set));
+  return set ? newer : name;
 }
 
 void check_unused_after_setup(const Options& options, const std::string& objects) {

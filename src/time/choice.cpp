@@ -5,6 +5,7 @@
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
 #include "stickslip/model/scales.hpp"
+#include "stickslip/options/library_options.hpp"
 #include "stickslip/time/stick.hpp"
 #include "time/fused_methods.hpp"
 #include "time/fused_ts.hpp"
@@ -22,7 +23,8 @@ std::string to_string(Implicit implicit) {
 
 bool user_set(const std::string& prefix, const std::string& option) {
   PetscBool set;
-  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + option).c_str(), &set));
+  const std::string name = "-" + name_in_database(option, prefix);
+  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), name.c_str(), &set));
   return set;
 }
 

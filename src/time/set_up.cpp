@@ -8,6 +8,7 @@
 
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
+#include "stickslip/options/library_options.hpp"
 #include "time/fused_methods.hpp"
 #include "time/integrator_impl.hpp"
 
@@ -229,11 +230,10 @@ void Integrator::Impl::allow_rejections() const {
     warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
 }
 
-// PETSc from 3.25 on puts its newer name in place of the older one.
 PetscInt Integrator::Impl::most_rejections() const {
   PetscInt most = 60;
-  for (const char* name : {"-ts_max_reject", "-ts_max_step_rejections"})
-    SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), name, &most, nullptr));
+  const std::string name = "-" + name_in_database("ts_max_reject", prefix);
+  SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), name.c_str(), &most, nullptr));
   return most;
 }
 

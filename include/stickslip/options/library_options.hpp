@@ -50,4 +50,8 @@ void warn_unused_at_end(const Options& options);
 // the value and not the option. For errors while objects take their options.
 std::string option_behind(const std::string& message, const Options& options);
 
+// The name that PETSc's database has this option by: from 3.25 on PETSc puts newer names in place of older
+// ones.
+std::string name_in_database(const std::string& name, const std::string& prefix = "");
+
 }  // namespace stickslip
