@@ -4,25 +4,32 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 
 namespace stickslip {
 
-// psi and eta beyond 1e50 and a state beyond 1e42 count as not finite: no units make a motion that large, a
-// step from there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the
-// error are still finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
-bool all_finite(const Model& model, Vec u) {
+// psi and eta beyond 1e20 and a state beyond 1e42 of what slips are measured by count as not finite: a step
+// from there has lost the motion, and the cube in the friction and the square of that in PETSc's estimate of
+// the error are still finite. A cube overflows at 1e102.
+StepGuard::StepGuard(const Model& model) : model_(model) {
+  const Scales slip = scales_of(model.scene()).slip;
+  for (int d = 0; d < 3; ++d) overflows_[d] = (d < 2 ? 1e82 : 1e60) / slip.of(d);
+}
+
+// x - x is 0 for finite x and NaN otherwise, and NaN stays.
+bool StepGuard::all_finite(Vec u) const {
   PetscInt count;
   SS_TRY(VecGetLocalSize(u, &count));
   const Reading a(u);
-  const PetscInt dof = model.dof();
+  const PetscInt dof = model_.dof();
   double sum = 0;
   for (PetscInt i = 0; i < count; i += dof)
     for (PetscInt d = 0; d < dof; ++d) {
-      const double x = (d < 2 ? 1e52 : 1e60) * a[i + d], cube = x * x * x;
+      const double x = overflows_[d] * a[i + d], cube = x * x * x;
       sum += cube - cube;
     }
   int all = sum == 0 ? 1 : 0;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model_.comm()));
   return all != 0;
 }
 
@@ -66,11 +73,11 @@ Vec StepGuard::work_of(Vec u) {
 bool StepGuard::accepts(Vec u) {
   const bool last = stage_ == last_stage_;
   if (last_stage_ >= 0 && started_ && !last) return true;
-  bool accept = all_finite(model_, u);
+  bool accept = all_finite(u);
   if (accept && model_.scene().massless()) {
     SS_TRY(VecCopy(u, work_of(u)));
     model_.solve_velocities(work_);
-    accept = all_finite(model_, work_);
+    accept = all_finite(work_);
   }
   checked_last_ = last;
   return accept;

@@ -6,13 +6,10 @@
 
 namespace stickslip {
 
-// Is every entry finite, and so far from overflow that friction and error estimates of it are? Collective.
-bool all_finite(const Model& model, Vec u);
-
 // Its calls come from the callbacks of one TS, in the order in which that makes them.
 class StepGuard {
  public:
-  explicit StepGuard(const Model& model) : model_(model) {}
+  explicit StepGuard(const Model& model);
 
   // The method stands; `adaptive`: its steps can be rejected.
   void set_up(TS ts, const std::string& type, bool adaptive);
@@ -25,6 +22,8 @@ class StepGuard {
   bool repeats(TS ts, Vec before);
   void after_stage(PetscInt index) { stage_ = index; }
   bool accepts(Vec u);  // a stage
+  // Is every entry finite, and so far from overflow that friction and error estimates of it are? Collective.
+  bool all_finite(Vec u) const;
   // Whether the new u has been looked at already, as the last stage; asked once a step.
   bool knows_solution();
 
@@ -32,6 +31,7 @@ class StepGuard {
   Vec work_of(Vec u);
 
   const Model& model_;
+  double overflows_[3];  // times psi, eta, the state: what is cubed
   VecHandle work_;
   bool undoes_ = false, first_same_as_last_ = false, adaptive_ = false;
   bool started_ = false;  // a step has been accepted

@@ -140,7 +140,7 @@ void Integrator::Impl::after_step() {
   const bool known = seen || (fused && fused->finite());
   advance.update_report(ts, model);
   model.solve_velocities(step.u);
-  if (!known && !all_finite(model, step.u)) {
+  if (!known && !guard.all_finite(step.u)) {
     advance.report.t = reached;
     throw failure("the solution is not finite after step {} (t = {}): {}", step.index, number_text(step.t),
                   advice(dt));
@@ -265,7 +265,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   }
   model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
-  if (!all_finite(model, into))
+  if (!guard.all_finite(into))
     throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), advance.report.steps,
                   advice(dt));
 }
