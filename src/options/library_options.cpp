@@ -278,8 +278,9 @@ std::string name_in_database(const std::string& name, const std::string& prefix)
   const std::string newer = name == "ts_dt"           ? "ts_time_step"
                             : name == "ts_max_reject" ? "ts_max_step_rejections"
                                                       : name;
-  PetscBool set;
-  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + newer).c_str(), &set));
+  PetscBool set = PETSC_FALSE;  // asked for no other name, since what is asked for counts as used
+  if (newer != name)
+    SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + newer).c_str(), &set));
   return set ? newer : name;
 }
 
