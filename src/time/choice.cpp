@@ -140,17 +140,6 @@ Rates massless_rates(const Model& model, Vec u) {
   return {relaxation, model.friction_rate(u), false, s.K0() > 0 && own < relaxation / 2400, own};
 }
 
-// The entry of the tableau that the TS will have, of a type that is implicit.
-const Method& implicit_method(const std::string& type, const MethodSpec& spec, const std::string& prefix) {
-  char name[80] = "";
-  const std::string option = subtype_option(type),
-                    own = spec.subtype.empty() ? offered_type(type).subtype : spec.subtype;
-  if (!option.empty())
-    SS_TRY(
-        PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), name, sizeof name, nullptr));
-  return offered_method(type, *name ? name : own);
-}
-
 Implicit implicit_of(const Method& method, const std::string& wish, Implicit stiff, const Rates& rates,
                      bool sticks) {
   const std::string type = method.type;
@@ -200,7 +189,7 @@ bool tunes_solvers(const std::string& prefix) {
   SS_TRY(PetscFree(all));
   for (const char* begin :
        {"snes_", "ksp_", "pc_", "ts_arkimex_fully_implicit", "ts_arkimex_initial_guess_extrapolate",
-        "ts_rosw_recompute_jacobian", "ts_max_snes_failures"})
+        "ts_max_snes_failures"})
     if (text.find(" -" + prefix + begin) != std::string::npos) return true;
   return false;
 }
@@ -310,11 +299,9 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const bool creeps = model.friction_law(0).steep && !model.scene().massless();
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
-  const Method& first = offered_type(choice.type);
-  const Method& method =
-      first.kind == MethodKind::implicit ? implicit_method(choice.type, spec, prefix) : first;
   const bool friction = choice.named_fused && spec.implicit == "auto" && choice.type == TSARKIMEX;
-  choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
+  choice.implicit = implicit_of(offered_type(choice.type), friction ? "friction" : spec.implicit, stiff,
+                                rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
   if (model.scene().load.varies())
     refuse_rosenbrock(choice, "a load that varies (load_v, load_sine_amplitude, ...)");
