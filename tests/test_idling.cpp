@@ -9,7 +9,7 @@
 #include "base/idling.hpp"
 #include "base/pulse.hpp"
 #include "catch.hpp"
-#include "model/release.hpp"
+#include "model/stick_rule.hpp"
 #include "numerics/first_rise.hpp"
 #include "stickslip/base/error.hpp"
 

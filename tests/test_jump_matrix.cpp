@@ -2,7 +2,7 @@
 #include <random>
 
 #include "catch.hpp"
-#include "model/jump_matrix.hpp"
+#include "model/stick_rule.hpp"
 
 using namespace stickslip;
 

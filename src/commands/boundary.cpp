@@ -7,11 +7,11 @@
 
 #include "base/found_until.hpp"
 #include "commands/boundary_output.hpp"
-#include "commands/table.hpp"
 #include "commands/cycle_problem.hpp"
+#include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/regime.hpp"

@@ -8,7 +8,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/study/start.hpp"
 
 namespace stickslip {

@@ -12,7 +12,6 @@
 #include "model/friction_family.hpp"
 #include "model/law_family.hpp"
 #include "model/law_list.hpp"
-#include "model/scales_family.hpp"
 
 namespace stickslip {
 

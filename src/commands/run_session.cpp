@@ -20,7 +20,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/study/run_layout.hpp"

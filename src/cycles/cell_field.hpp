@@ -20,10 +20,10 @@
 #include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
 #include "model/massless.hpp"
-#include "model/turned_row.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scales.hpp"
+#include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
 namespace stickslip {

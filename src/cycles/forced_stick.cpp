@@ -6,7 +6,6 @@
 #include "base/pulse.hpp"
 #include "cycles/past_states.hpp"
 #include "cycles/stick_return_map.hpp"
-#include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scales.hpp"

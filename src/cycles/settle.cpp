@@ -12,7 +12,6 @@
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/profile.hpp"
-#include "model/escape.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
@@ -160,7 +159,7 @@ class Motion {
 
   const CellField& field_;
   std::vector<double> y_;
-  double escape_;  // see model/escape.hpp
+  double escape_;  // see escape_velocity()
   VecHandle u_;
   MatHandle J_;
   TsHandle ts_;

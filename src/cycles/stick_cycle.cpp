@@ -9,8 +9,8 @@
 #include "base/pulse.hpp"
 #include "cycles/past_states.hpp"
 #include "cycles/stick_return_map.hpp"
-#include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
@@ -140,7 +140,7 @@ class OrbitSearch {
   const int patience_;
   const Scene mean_;  // with the mean coefficients, for estimates
   double turn_;       // about the time of one
-  double escape_;     // see model/escape.hpp
+  double escape_;     // see escape_velocity()
   int quiet_ = 0, turns_ = 0, releases_ = 0;
   double first_ = 0, now_ = 0, last_ = 0;              // psi at turns without a stop, since the last change
   std::map<std::pair<int, double>, PastStates> seen_;  // releases of a node in a direction

@@ -13,7 +13,7 @@
 
 #include "cycles/propagator.hpp"
 #include "cycles/stick_return_map.hpp"
-#include "model/turned_row.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 

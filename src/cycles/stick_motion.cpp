@@ -4,11 +4,10 @@
 #include <array>
 #include <cmath>
 
-#include "model/release.hpp"
 #include "model/stick_rule.hpp"
-#include "model/turned_row.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -12,7 +12,7 @@
 // Under loads that repeat (sines alone) the time is one unknown more, the last, from which the load
 // follows; it deviates by nothing. All rest is then integrated as any other motion.
 //
-// Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
+// Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/stick_rule.hpp).
 //
 // Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the
 // state as in Model; times in the unit of time.
@@ -24,13 +24,13 @@
 #include <vector>
 
 #include "base/idling.hpp"
-#include "model/jump_matrix.hpp"
 #include "model/right_hand_side.hpp"
+#include "model/stick_rule.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
-#include "stickslip/model/scene.hpp"
 #include "stickslip/model/scales.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/extrapolation.hpp"
 

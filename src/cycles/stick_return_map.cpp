@@ -5,7 +5,7 @@
 
 #include "base/pulse.hpp"
 #include "cycles/past_states.hpp"
-#include "model/jump_matrix.hpp"
+#include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
 

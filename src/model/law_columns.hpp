@@ -1,5 +1,5 @@
 // Friction as the loops over nodes take it: a law says what it is for a tile of nodes, in columns, and the
-// loops (kernel.hpp, implicit_kernel.hpp, newton_kernel.hpp) know no law. Who has friction to give is a
+// loops (kernel.hpp, implicit_kernel.hpp, loops.hpp) know no law. Who has friction to give is a
 // class, the `Source` of a loop: ByColumns of any law, Within of one so cheap that a column on the way costs
 // more than the law itself, NoFriction.
 #pragma once

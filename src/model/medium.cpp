@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "stickslip/model/corners.hpp"
 #include "stickslip/model/scene.hpp"
 
 namespace stickslip {

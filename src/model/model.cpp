@@ -9,8 +9,8 @@
 #include "base/local_values.hpp"
 #include "model/massless.hpp"
 #include "model/right_hand_side.hpp"
-#include "model/state_response.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/frictions.hpp"
 
 namespace stickslip {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/scales.hpp"
 
 namespace stickslip {
 

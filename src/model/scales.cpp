@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <utility>
 
-#include "model/scales_family.hpp"
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
+#include "model/friction_family.hpp"
+#include "stickslip/model/friction.hpp"
 #include "stickslip/model/frictions.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -90,6 +95,99 @@ SceneScales scales_of(const Scene& scene) {
   scales.rate = K > 0 ? of_length : s.A() * least.eta / least.psi;
   if (s.massless()) set_massless(s, K, scales);
   return scales;
+}
+
+// How fast the parts of a scene act, for steps in time (model.hpp), and how far.
+
+namespace {
+
+// What Gershgorin's theorem says of the rows of A (K0 - K1 D2).
+double wave_frequency_of_medium(const Scene& s) {
+  const double same = s.medium.links_differ() ? 0 : s.K1() * largest_symbol(s.order, s.spacing());
+  const bool alone = s.n * s.copies == 1;
+  double largest = 0;
+  for (PetscInt i = 0; i < s.n; ++i) {
+    const NodeCoefficients c = s.coefficients(i);
+    const double springs = alone ? 0 : s.medium.links_differ() ? 2 * (s.link(i - 1) + s.link(i)) : same;
+    largest = std::max(largest, c.A * (c.K0 + springs));
+  }
+  return std::sqrt(largest);
+}
+
+}  // namespace
+
+double wave_frequency(const Scene& s) {
+  if (s.medium.varies()) return wave_frequency_of_medium(s);
+  const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+  const double K = (springless(s) ? 0 : s.K0()) + s.K1() * kappa2;
+  return s.massless() ? K / scales_of(s).resistance : std::sqrt(s.A() * K);
+}
+
+double viscous_rate(const Scene& s) {
+  if (s.N() == 0) return 0;
+  return s.n * s.copies > 1 ? s.A() * s.N() * largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+}
+
+double nodes_to_forget(const Scene& s) {
+  if (s.medium.varies()) return std::numeric_limits<double>::infinity();  // not looked for
+  if (s.K1() == 0) return 0;
+  return 45 / (2 * std::asinh((s.form == Form::chain ? 1 : s.h()) * std::sqrt(s.K0() / s.K1()) / 2));
+}
+
+double stencil_rate(const Scene& s) { return std::max(wave_frequency(s), viscous_rate(s)); }
+
+double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
+
+double Model::largest_resistance(double slope) const {
+  const bool alike = !scene().medium.nodes_differ();
+  double largest = 0;
+  for (PetscInt i = 0; i < (alike ? 1 : local()); ++i)
+    largest = std::max(largest, coefficients(i).A * (coefficients(i).B + slope));
+  return alike ? largest : largest_over(comm(), largest);
+}
+
+double Model::friction_rate(Vec u) const {
+  const Reading a(u);
+  double largest = 0;
+  for (PetscInt i = 0; i < local(); ++i) {
+    const double psi = a[i * dof()], state = dof() == 3 ? a[i * dof() + 2] : 0;
+    const LinearPoint p = linear_point(i, psi, state);
+    const double rate = scene().massless() ? 0 : std::abs(p.A * (p.B + p.F_psi)) + std::abs(p.s_delta);
+    largest = std::max(largest, std::abs(p.g_state));  // 0 without a state
+    largest = std::max(largest, rate);
+  }
+  return largest_over(comm(), largest);
+}
+
+// Of unequal nodes that of mean ones.
+double escape_velocity(const Scene& scene) {
+  const Scene s = scene.averaged();
+  constexpr double never = std::numeric_limits<double>::infinity();
+  constexpr int doublings = 200, beyond = 20;
+  if (s.massless()) return never;
+  const double gain = -(s.A() * s.B() + s.s_delta());
+  if (!(gain > 0)) return never;
+  const std::shared_ptr<const Friction> law = Friction::of(s.friction);
+  const bool state = s.friction.has_state();
+  const double velocity = s.v != 0 ? s.v : scales_of(s).velocity;
+  // An oscillation of size w gains gain w^2/2 a turn and loses (2/pi) A |F| w at most; the state rests
+  // between.
+  const auto holds = [&](double w) {
+    double most = 0;
+    for (const double psi : {w, -w}) {
+      const double rested = state ? law->steady_state(velocity) : 0;
+      for (const double at : {rested, state ? law->steady_state(psi) : 0})
+        most = std::max(most, std::abs(law->partials(psi, at).F));
+    }
+    return !(4 * s.A() * most < gain * w);
+  };
+  double w = 100 * std::abs(s.v) + 1e-6 * s.A() / gain;
+  for (int k = 0; k < doublings; ++k, w *= 2) {
+    bool held = false;
+    for (int j = 0; j <= beyond && !held; ++j) held = holds(std::ldexp(w, j));
+    if (!held) return 10 * w;
+  }
+  return never;
 }
 
 }  // namespace stickslip

@@ -11,7 +11,6 @@
 #include "base/failure.hpp"
 #include "model/scene_reading.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/springs.hpp"
 
 namespace stickslip {
 

@@ -1,21 +1,89 @@
-// The rule of friction that sticks (stick.hpp), of one node: whether it begins to slip or stops, and where in
-// a step. What walks over nodes, of a whole model or of what moves alone, asks here.
+// When a node at rest begins to slip. Its force changes with the plate and as its neighbours have it, its
+// threshold with its state and with the normal load; all of this is known ahead, so that the first time at
+// which the force comes up to the threshold is enclosed and found, however short it stays beyond it.
 #pragma once
+
+#include <petscsystypes.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
-#include <petscsystypes.h>
-
-#include "model/release.hpp"
 #include "numerics/first_rise.hpp"
 #include "numerics/hermite.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+// The loads of a scene from the time t0 on, in the pieces between corners that begin at t0 or hold it; none
+// by default.
+class LoadsFrom {
+ public:
+  LoadsFrom() = default;
+  LoadsFrom(const Scene& scene, double t0);
+
+  bool vary() const { return scene_ != nullptr; }
+  double velocity(double wait) const;  // of the plate where that varies, else 0
+  double way(double wait) const;       // how far that has come since t0
+  NormalLoad normal(double wait) const;
+  // In so short a time no load has more than one extremum, and three values tell how its slope turns.
+  double smooth_time() const { return scene_ ? scene_->smooth_time() / 4 : infinity; }
+
+ private:
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  const Scene* scene_ = nullptr;
+  double t0_ = 0, travelled_ = 0;
+  int plate_piece_ = -1, normal_piece_ = -1;  // -1: constant
+};
+
+// A node at rest and one side of it, 1 or -1, to which it may begin to slip.
+struct RestingNode {
+  const Friction& law;
+  double amplitude, side;
+  double force, state;  // at first; the force is eta + N D2 psi
+  double rate;          // at which the force grows at first beside what a plate whose velocity varies adds
+  double K0 = 0;        // by which it adds that
+  double bend = 0, twist = 0;  // so the force gains rate wait + bend wait^2 + twist wait^3
+
+  // Neighbours that move on the way through a step add what makes the force and its rate these at its end.
+  void moves(const LoadsFrom& loads, double step, double force_then, double rate_then);
+};
+
+// What loads do at most within a step, to pass over nodes far from their thresholds, and those of which the
+// ends of the step tell enough.
+class LoadBounds {
+ public:
+  LoadBounds(const Scene& scene, const LoadsFrom& loads, double step);
+  // `limit`: the less of the node's thresholds at both ends of the step.
+  bool out_of_reach(const RestingNode& node, double limit) const;
+  // The force comes up to the threshold once, or there is no load.
+  bool plain(const ValueAndSlope& begin, const ValueAndSlope& end) const {
+    return !loaded_ || (smooth_ && begin.value < 0 && end.value > 0 && begin.slope > 0 && end.slope > 0);
+  }
+
+ private:
+  bool loaded_, smooth_;
+  double step_, forth_ = 0, back_ = 0, falls_ = 1;  // of the plate's way; by what factor the normal load
+};
+
+// After which time it comes up to its threshold, growing: the first such, not earlier than 0, of two
+// neighbours the later one, where the force is no less than the threshold. Infinite where it never comes, or
+// not up to `latest`. Local, not collective. Under loads besides, until when the force goes on gaining on
+// the threshold, at what rate it does at first.
+struct Release {
+  double wait = std::numeric_limits<double>::infinity(), gains_until = 0, gain = 0;
+};
+Release release(const RestingNode& node, const LoadsFrom& loads, double latest);
+
+}  // namespace stickslip
 
 namespace stickslip::stick_rule {
 
+// The rule of friction that sticks (stick.hpp), of one node: whether it begins to slip or stops, and where in
+// a step. What walks over nodes, of a whole model or of what moves alone, asks here.
 constexpr double landing = 3e-13;   // of a step: how well a change is located
 constexpr double close = 1e-12;     // relative: changes this near to each other happen at once
 constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
@@ -172,3 +240,77 @@ Place locate(double estimate, double reached, double shortest, const FurthestAt&
 }
 
 }  // namespace stickslip::stick_rule
+
+namespace stickslip {
+
+// How a deviation from a motion passes a start or a stop of one node of friction that sticks: the saltation
+// matrix.
+//
+// A motion u(t) meets g(u) = 0 (a stop: g = psi of the node; a start: g = side eta - threshold(state)), u
+// stays and its rates change from `before` to `after`. A motion that deviates by y meets it earlier by (grad
+// g . y)/(grad g . before) and goes on at the other rates for so long:
+//     y_after = y + (after - before) (grad g . y)/(grad g . before).
+// The rates of the other nodes depend on this one's psi alone, which is continuous, so that they do not
+// change: only the node's own psi, eta and state do. A deviation of several nodes that start or stop at once
+// (alike, so that each would go first in turn) passes the matrix of each of them, in any order. After a stop
+// y.psi is 0; at a start it is to be 0.
+//
+// With viscosity between neighbours the force on a node at rest is eta + N D2 psi (stick.hpp): at a start g
+// has the share N D2 psi of its neighbours, which move, and whose rates depend on this node's psi, continuous
+// still. `neighbour_force` below is that share of what the gradient is applied to. It holds for one node at a
+// time, or where nodes start without a jump in psi_t.
+//
+// Source: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, Springer
+// 2004. Nothing here communicates or allocates. Rates have the units of the unknowns over time, as stored
+// (friction.hpp).
+class JumpMatrix {
+ public:
+  // `dof` (2 or 3) rates of the node: psi, eta and the stored state, right before and right after.
+  static JumpMatrix at_stop(int dof, const double* before, const double* after) {
+    return JumpMatrix(dof, {1, 0, 0}, before, after);
+  }
+  // `side`: of the threshold, 1 or -1; `threshold_slope`: of the threshold in the stored state (0 without a
+  // state); `neighbour_force`: N D2 of the nodes' psi_t before, less, under a normal load N(t), `side` times
+  // what the threshold gains with time at a state that stands.
+  static JumpMatrix at_start(int dof, double side, double threshold_slope, const double* before,
+                             const double* after, double neighbour_force = 0) {
+    JumpMatrix jump(dof, {0, side, -threshold_slope}, before, after);
+    jump.event_rate_ += side * neighbour_force;
+    return jump;
+  }
+
+  // grad g . before: how fast the motion goes through the event. Not 0, but where it only touches (grazing).
+  double event_rate() const { return event_rate_; }
+  // The deviation of the node, dof numbers, in place; `neighbour_force`: N D2 of the nodes' deviations in
+  // psi, at a start.
+  template <class T>
+  void apply(T* y, T neighbour_force = 0) const {
+    T event = gradient_.at[1] * neighbour_force;
+    for (int k = 0; k < dof_; ++k) event += gradient_.at[k] * y[k];
+    for (int k = 0; k < dof_; ++k) y[k] += jump_.at[k] / event_rate_ * event;
+  }
+  // dof rows of dof entries, one behind the other.
+  void write(double* rows) const {
+    for (int i = 0; i < dof_; ++i)
+      for (int k = 0; k < dof_; ++k)
+        rows[i * dof_ + k] = (i == k ? 1. : 0.) + jump_.at[i] / event_rate_ * gradient_.at[k];
+  }
+
+ private:
+  struct Three {
+    double at[3];
+  };
+  JumpMatrix(int dof, Three gradient, const double* before, const double* after)
+      : dof_(dof), gradient_(gradient) {
+    for (int k = 0; k < dof; ++k) {
+      jump_.at[k] = after[k] - before[k];
+      event_rate_ += gradient.at[k] * before[k];
+    }
+  }
+
+  int dof_;
+  Three gradient_, jump_{{0, 0, 0}};
+  double event_rate_ = 0;
+};
+
+}  // namespace stickslip

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/json.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/output/events.hpp"
 #include "stickslip/output/observer.hpp"
 
@@ -76,7 +76,7 @@ class Catalogue : public Observer {
     events_.emplace(model.scene(), velocity, NodeRange::of(model), ruptures);
   }
 
-  // Of `events`; `halt`: of a plate that does (plate.hpp), whose clock then is that of their times.
+  // Of `events`; `halt`: of a plate that does (Plate), whose clock then is that of their times.
   static std::vector<Field> columns(bool halt, bool ruptures);
   static std::vector<Field> rupture_columns();  // of `events/rupture`
 

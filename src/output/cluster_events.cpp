@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "model/moved_nodes.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {

@@ -8,8 +8,7 @@
 #include "base/local_values.hpp"
 #include "model/moved_nodes.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/reach.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 
 namespace stickslip {

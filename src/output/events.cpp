@@ -12,7 +12,6 @@
 #include "base/local_values.hpp"
 #include "model/loops.hpp"
 #include "model/moved_nodes.hpp"
-#include "model/state_response.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
 #include "output/normal_in_step.hpp"

@@ -6,7 +6,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "model/moved_nodes.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

@@ -8,15 +8,15 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "base/log_event.hpp"
-#include "output/forward.hpp"
 #include "output/field_watch.hpp"
+#include "output/forward.hpp"
 #include "output/regime_classifier.hpp"
 #include "output/repeats.hpp"
 #include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

@@ -9,7 +9,7 @@
 #include "output/field_loops.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

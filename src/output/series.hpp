@@ -5,7 +5,7 @@
 
 #include "output/cluster_rows.hpp"
 #include "output/row_columns.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/probe.hpp"

@@ -10,7 +10,7 @@
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
-#include "model/jump_matrix.hpp"
+#include "model/stick_rule.hpp"
 #include "stability/tangent_parts.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/collocation.hpp"

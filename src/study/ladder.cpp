@@ -8,7 +8,7 @@
 
 #include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/corners.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/reach.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 #include "stickslip/stability/steady_sliding.hpp"

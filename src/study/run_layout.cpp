@@ -5,8 +5,7 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/model/plate.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {

@@ -8,7 +8,7 @@
 
 #include "base/idling.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {

@@ -102,7 +102,7 @@ class ImexColumns {
   double* stage(const BandTile& t, int d) const { return at(t, stage_[d == 0 ? 0 : 1]); }
   double* known(const BandTile& t, int d) const { return at(t, known_[d]); }
   double* d2(const BandTile& t) const { return at(t, d2_); }  // D2 psi of u
-  // R' of a stage (newton_kernel.hpp)
+  // R' of a stage (loops.hpp)
   double* right_side(const BandTile& t) const { return at(t, right_side_); }
   // of psi since u, with everything implicit
   double* change(const BandTile& t) const { return at(t, change_); }

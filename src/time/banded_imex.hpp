@@ -3,7 +3,7 @@
 // eta and the state are put into psi's equation, which leaves one banded system in psi alone
 // (band_system.hpp). With the wave implicit, part Part::wave of the model, it is linear with one diagonal,
 // whose factors stand while step and tableau do; friction is explicit. With everything implicit it has a new
-// diagonal in each round of Newton's method (model/newton_kernel.hpp). A stage is solved to well below the
+// diagonal in each round of Newton's method (model/loops.hpp). A stage is solved to well below the
 // error that a step is allowed. Where the error is estimated, a matrix that is not positive definite on the
 // way counts as not solved: while it is, the solution found is the one that grows out of the start of the
 // step.

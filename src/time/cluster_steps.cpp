@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 

@@ -6,7 +6,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/time/stick.hpp"
 
 namespace stickslip {

@@ -12,7 +12,7 @@
 // order of time. Where one makes two clusters one, that which is ahead is cut back to it, by the method's
 // polynomial between steps.
 //
-// A plate that halts (plate.hpp) stands while there is a cluster, and nothing else is loaded then: what rests
+// A plate that halts (Plate) stands while there is a cluster, and nothing else is loaded then: what rests
 // goes by its clock.
 //
 // For one rank.
@@ -30,7 +30,7 @@
 
 #include "base/idling.hpp"
 #include "model/moved_nodes.hpp"
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 #include "time/cluster_steps.hpp"
 #include "time/resting.hpp"
 

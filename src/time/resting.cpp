@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/release.hpp"
-#include "numerics/first_rise.hpp"
-#include "stickslip/model/plate.hpp"
-#include "stickslip/time/stick.hpp"
 #include "model/stick_rule.hpp"
+#include "numerics/first_rise.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/time/stick.hpp"
 
 namespace stickslip {
 

@@ -2,7 +2,7 @@
 // displacement, and the state evolves by itself. Two heaps, one for each direction, say which node starts
 // to slip next: by the displacement of the plate until then, which under a load v(t) all nodes share; by
 // the time with a state, where it is found for each node, and may not exist. All times are by the plate's
-// clock where that halts (plate.hpp), as it stands for all of them alike. No neighbour of such a node
+// clock where that halts (Plate), as it stands for all of them alike. No neighbour of such a node
 // moves, so viscosity between neighbours adds nothing.
 #pragma once
 

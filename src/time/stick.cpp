@@ -6,11 +6,10 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "model/release.hpp"
-#include "stickslip/base/error.hpp"
-#include "stickslip/model/plate.hpp"
-#include "stickslip/numerics/roots.hpp"
 #include "model/stick_rule.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 

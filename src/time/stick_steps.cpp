@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "stickslip/model/plate.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 

@@ -30,7 +30,7 @@ class StickSteps {
   void pass_rest(Vec u);
 
   const Model& model_;
-  bool halts_;  // the plate does (plate.hpp)
+  bool halts_;  // the plate does (Plate)
   TS ts_;
   FusedTs* fused_;
   Advance& advance_;

@@ -34,4 +34,20 @@ FrictionPlaces friction_places(const Scene& scene, PetscInt count,
                                const std::function<PetscInt(PetscInt)>& node);
 FrictionPlaces friction_places(const Scene& scene, PetscInt first, PetscInt count);
 
+// Noise that is drawn by length, not by node, so that it does not change with the grid.
+
+// Uniform on [-1, 1] at points `length` apart, with the interpolation of friction_amplitude() between them;
+// in the chain, and where length is 0, one draw a node. The same on any number of ranks. Not collective.
+double noise_at(const Scene& scene, double length, PetscInt seed, PetscInt node);
+
+// What the normal load does to the state of each node, after Linker and Dieterich (Scene::state_response).
+
+// Of the nodes first .. first + count - 1; empty where the state does not depend on the normal load.
+inline std::vector<double> state_responses(const Scene& scene, PetscInt first, PetscInt count) {
+  std::vector<double> all;
+  for (PetscInt i = 0; i < count && scene.linker_dieterich != 0; ++i)
+    all.push_back(scene.state_response(first + i));
+  return all;
+}
+
 }  // namespace stickslip

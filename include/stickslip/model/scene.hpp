@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "stickslip/model/friction.hpp"
@@ -145,5 +146,67 @@ std::vector<std::string> friction_options_of_other_laws(Law law);
 
 std::string to_string(Form form);
 std::string to_string(End end);
+
+// What ties the nodes of a scene to the plate, and what friction holds them. Local, not collective.
+
+// A harmonic force is in `Scene::load` the velocity, over K0, of a plate that exerts it. Of a chain without
+// springs to the plate (k0 = 0) it acts through springs of this K0, in 1/length, whose force no motion
+// changes by a digit.
+inline constexpr double no_spring = 0x1p-200;
+
+// Whether no force says where the chain is, but for held ends.
+inline bool springless(const Scene& s) {
+  return s.form == Form::chain && (s.medium.varies() ? s.averaged().K0() : s.K0()) <= no_spring;
+}
+
+// Of the velocity `v` of the plate in Scene::load what is the plate's own, without the harmonic force.
+inline double velocity_of_plate_alone(const Scene& s, double v, double t) {
+  return springless(s) ? s.v : v - s.push_velocity(t);
+}
+
+// Whether a point of the profile of the friction amplitude is 0: nodes there have no friction.
+inline bool frictionless_somewhere(const Scene& s) {
+  const auto& points = s.amplitude.points();
+  return std::any_of(points.begin(), points.end(), [](const auto& point) { return point.second == 0; });
+}
+
+// How far a scene's springs carry what is done to one node.
+
+// By so many nodes the springs have forgotten a force, (K0 - K1 D2) w = f: what it does there is exp(-45),
+// below round-off, of what it does at its own node. Infinite without springs to the plate, 0 without those
+// between neighbours.
+double nodes_to_forget(const Scene& scene);
+
+// Where friction or the medium is not smooth along x: at the places that their profiles name
+// (friction_*_profile, state_*_profile, model_*_profile). A random spread is smooth to its second derivative
+// everywhere and has no corners here.
+//
+// A solution inherits them. With what of either jumps at a corner, its value, its first or its third
+// derivative, differences of any order converge like h, h^2 or h^4: a node stands for the cell around it, and
+// takes its friction from one place.
+//
+// Nothing here communicates. Places are lengths from the scene's left end.
+struct Corner {
+  double x;
+  int order;  // at which differences converge: 1, 2 or 4
+};
+
+// In the order of x, each place once with its lowest order; none where nothing changes, beyond a ring's seam
+// or at an end.
+std::vector<Corner> corners_of(const Scene& scene);
+
+// The neighbours of a place between which no corner lies, the one behind not included where friction jumps
+// there. Without a corner on that side infinite; on a ring they may lie beyond its seam. A place at a corner
+// belongs to what follows it.
+struct SmoothStretch {
+  double from, to;
+  bool jumps;  // at `to`
+};
+SmoothStretch stretch_around(const std::vector<Corner>& corners, const Scene& scene, double x);
+
+// The least number of cells, up to `most`, of which a grid has a node at every corner of at most that order;
+// 0 where there is none, 1 where there are no such corners.
+PetscInt cells_between_corners(const std::vector<Corner>& corners, const Scene& scene, int order,
+                               PetscInt most);
 
 }  // namespace stickslip

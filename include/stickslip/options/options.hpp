@@ -63,7 +63,7 @@ struct OptionSpec {
 };
 
 // The options that friction laws and state laws declare. Options know no law: the layer above, which lists
-// them, defines this function (src/model/law_options.cpp).
+// them, defines this function (src/model/friction.cpp).
 struct LawOptions {
   // words of friction_law and state_law; the first is the default
   std::vector<std::string> laws, states;

@@ -37,8 +37,8 @@
 #include <functional>
 #include <vector>
 
-#include "stickslip/model/plate.hpp"
-#include "stickslip/model/springs.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

@@ -15,8 +15,8 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/model/corners.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

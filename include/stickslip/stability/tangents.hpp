@@ -7,7 +7,7 @@
 // where a node's friction asks for far more parts than its neighbours do, by an implicit-explicit one whose
 // parts are as long as an estimate of their error allows (stability/tangent_parts.hpp).
 //
-// Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/jump_matrix.hpp).
+// Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/stick_rule.hpp).
 // A node that stops loses a direction, and while m nodes rest no more than all unknowns less m are left, then
 // and ever after.
 //

@@ -1,14 +1,84 @@
-// A measured curve: phi from points of velocity and force (model/friction_curve.hpp).
+// A measured curve of friction, velocity against force, as a function: cubics between the points, with one
+// continuous derivative, that rise and fall only where the points do (monotone piecewise cubic Hermite
+// interpolation; F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, with the one-sided
+// three-point slopes at the ends of C. Moler, Numerical Computing with MATLAB, SIAM 2004, section 3.6). So
+// friction never becomes negative between points, nor falls where none of them does. Errors against a smooth
+// function go like the cube of the distances of points, beside an extremum like their square.
+//
+// Below the first velocity of a direction its force holds; beyond the last one the force holds, or goes on
+// straight with the last slope. The force at velocity 0 is the threshold; where it is 0, so is the jump.
+// Without negative velocities the curve is odd.
+//
+// A piece is found without search: the upper bits of velocity + offset number buckets, of which none holds
+// more than one point. A bucket has the cubics before and behind its point, about that point, so that all it
+// takes is one line of memory and no branch. (Boost.Math's pchip searches by halving and throws beyond its
+// ends.)
+//
+// Velocities and forces are those of the law: the force is over the friction amplitude. Local.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
-#include "model/friction_curve.hpp"
 #include "model/law.hpp"
+#include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/friction.hpp"
 
 namespace stickslip {
 
+class FrictionCurve {
+ public:
+  using Points = std::vector<std::pair<double, double>>;
+  // value + y (slope + y (bend + y twist)), y = speed - at; the first of each two for y < 0.
+  struct Bucket {
+    double at, value, slope[2], bend[2], twist[2];
+
+    template <class Real>
+    Real force(const Real& y, int side) const {
+      return value + y * (slope[side] + y * (bend[side] + y * twist[side]));
+    }
+    template <class Real>
+    Real force_slope(const Real& y, int side) const {
+      return slope[side] + y * (2 * bend[side] + 3 * twist[side] * y);
+    }
+  };
+
+  // What is wrong with `points` as a curve, and at which of them; "" where nothing is.
+  static std::string fault(const Points& points, std::size_t& at);
+
+  // Of points without a fault. Throws UsageError where friction would become negative beyond the last one.
+  FrictionCurve(const Points& points, bool straight_beyond);
+
+  // The number of the bucket of motion at the speed `a` >= 0; direction < 0: backward.
+  std::int64_t place(double a, double direction) const {
+    const double last = last_, below = a < last ? a : last, x = below > 0 ? below : 0;
+    const auto other = std::int64_t(elementary::if_negative(direction)) & backward_;
+    return std::int64_t(elementary::bits_of(x + offset_) >> shift_) - base_ + other;
+  }
+  const Bucket& bucket(std::int64_t place) const { return buckets_[place]; }
+  double least_speed() const { return least_; }  // given, beside 0: below 0 the cubic is good for so much
+  SlopeBounds slope_bounds() const { return bounds_; }
+  LawScales scales() const { return {last_, largest_ > 0 ? largest_ : 1, 1}; }
+
+ private:
+  // value + y (slope + y (bend + y twist)) from `from` to the next.
+  struct CubicPiece {
+    double from, value, slope, bend, twist;
+  };
+  std::vector<CubicPiece> pieces_of(const Points& points, bool straight_beyond);
+
+  std::vector<Bucket> buckets_;  // of one direction, then of the other
+  double offset_ = 0, last_ = 0, least_ = 0, largest_ = 0;
+  int shift_ = 0;
+  std::int64_t base_ = 0, backward_ = 0;  // backward_: 0 where both directions are alike
+  SlopeBounds bounds_;
+};
+
+// A measured curve: phi from points of velocity and force, FrictionCurve above.
 struct MeasuredCurve : LawDefaults {
   static constexpr const char* name = "table";
   static constexpr bool jumps_at_rest = true, takes_points = true, looks_up = true;

@@ -1,10 +1,10 @@
-#include "model/release.hpp"
+#include "model/stick_rule.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/hermite.hpp"
 #include "numerics/first_rise.hpp"
+#include "numerics/hermite.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -1,4 +1,4 @@
-#include "model/friction_curve.hpp"
+#include "model/laws/table.hpp"
 
 #include <fmt/format.h>
 
