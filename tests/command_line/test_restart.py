@@ -297,10 +297,11 @@ def test_the_clock_and_signals():
     """A clock begins anew; what it has stopped goes on, and what a signal stops then."""
     scene = "-grid_n 64 -init_type sine -ts_max_time 1e6 -out_times 1,2 -out_series_every 100 -out_file c.h5 -out_checkpoint_every 1000000"
     said = closing(scene + " -ts_max_wall 1s")
-    first = data("c.h5")["series/t"][-1]
-    process = subprocess.Popen(["sh", "-c", "exec " + told(said).replace("stickslip", shlex.quote(PROGRAM), 1) + " -ts_max_wall unlimited"],
-                               stderr=subprocess.PIPE, text=True)
-    time.sleep(0.6)
+    first, begun = data("c.h5")["series/t"][-1], set(glob.glob("c.chk-*"))
+    process = subprocess.Popen(["sh", "-c", "exec " + told(said).replace("stickslip", shlex.quote(PROGRAM), 1) +
+                                " -ts_max_wall unlimited -out_checkpoint_every 5000"], stderr=subprocess.PIPE, text=True)
+    while not set(glob.glob("c.chk-*.h5")) - begun and process.poll() is None:  # it goes on, however long its start takes
+        time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=60)[1]
     second = data("c.h5")["series/t"][-1]
