@@ -7,8 +7,8 @@ import re
 import sys
 
 # From the bottom up; those on one line are siblings and do not see each other.
-LAYERS = [["base"], ["numerics"], ["options"], ["model"], ["time", "stability", "waves", "cycles", "output"], ["study"],
-          ["commands"]]
+LAYERS = [["base"], ["numerics"], ["options"], ["model"], ["time", "stability", "waves", "output"], ["cycles"],
+          ["study"], ["commands"]]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 
 

@@ -15,8 +15,6 @@ namespace stickslip {
 
 namespace {
 
-// Turns of a cell's own motion within which it is to settle on a cycle.
-constexpr int turns_to_settle = 400;
 // Waves looked at for each cycle of a branch.
 constexpr int wavenumbers_of_branch = 50;
 
@@ -74,6 +72,7 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
 }
 
 [[noreturn]] void refuse_fate(const std::string& none, const StickFate& fate) {
+  if (!fate.why.empty()) throw Failure(none + ": the motion " + fate.why);
   throw Failure(none + ": the motion " + to_string(fate.fate) + " (looked at for a time of " +
                 rounded_text(fate.time) + ")");
 }
@@ -102,11 +101,8 @@ FoundCycle sticking_under_load(const Options& options, const Scene& cell) {
   const StickFate fate = forced_stick_fate(cell, start_of_cell(options, cell));
   if (fate.fate == Fate::repeats) return sticking(options, cell, fate.cycle);
   if (fate.fate != Fate::oscillates) refuse_fate("no cycle", fate);
-  std::vector<double> start;
-  const std::size_t dof = cell.friction.has_state() ? 3 : 2;
-  for (PetscInt node = 0; node < cell.n; ++node)
-    for (std::size_t k = 0; k < dof && !cell.held(node); ++k)
-      start.push_back(fate.cycle.start[std::size_t(node) * dof + k]);
+  std::vector<double> start = fate.cycle.start;
+  start.pop_back();  // the time
   const SmoothCycle found = settled_cycle(cell, start, turns_to_settle);
   if (!(least_along(found.cycle, cell.v) > 0))
     throw Failure("no cycle: the motion slides without a stop, and the cycle beside it would stop");
@@ -149,8 +145,7 @@ std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
   const Reading values(u);
   std::vector<double> start;
   for (PetscInt node = 0; node < cell.n; ++node)
-    for (int k = 0; k < model.dof(); ++k)
-      if (cell.friction.sticks() || !model.held(node)) start.push_back(values[node * model.dof() + k]);
+    for (int k = 0; k < model.dof(); ++k) start.push_back(values[node * model.dof() + k]);
   return start;
 }
 

@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
 
 #include "base/pulse.hpp"
-#include "cycles/past_states.hpp"
+#include "cycles/settle.hpp"
 #include "cycles/stick_return_map.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -21,66 +23,164 @@ constexpr long most_steps = 1000000;  // of the motion, over the nodes
 // distance of psi from steady sliding over its size: there the linear answer holds
 constexpr double near_sliding = 0.05;
 
-// What is seen of the motion on its way to a cycle.
-class OrbitSearch {
+// of two places of a motion, in eta, and psi and the state of friction over their sizes
+constexpr double looks_equal = 1e-4;
+constexpr double exactly = 1e-9;  // the same, of a motion that has settled
+
+// Places of a motion on its section, the last one first: releases of a node, beginnings of a period of the
+// load.
+class PastStates {
  public:
-  OrbitSearch(const StickMotion& motion, int patience)
-      : m_(motion), patience_(patience), mean_(motion.scene().averaged()),
+  // psi is every dof-th unknown, from the first on.
+  explicit PastStates(std::size_t dof) : dof_(dof) {}
+
+  void remember(double t, const std::vector<double>& u) {
+    seen_.push_front({t, u});
+    if (seen_.size() > most_returns + 1) seen_.pop_back();
+  }
+  double time_since(int back) const { return seen_[0].t - seen_[std::size_t(back)].t; }
+  double largest_psi() const {
+    double largest = 0;
+    for (const Place& at : seen_)
+      for (std::size_t k = 0; k < at.u.size(); k += dof_) largest = std::max(largest, std::abs(at.u[k]));
+    return largest;
+  }
+  // From the last to the one `back` before it.
+  double apart(int back, double psi_size, double state_size) const {
+    if (std::size_t(back) >= seen_.size()) return StickMotion::never;
+    const std::vector<double>&now = seen_[0].u, &then = seen_[std::size_t(back)].u;
+    double apart = 0;
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      const double size = k % dof_ == 0 ? psi_size : k % dof_ == 1 ? 1 : state_size;
+      apart = std::max(apart, std::abs(now[k] - then[k]) / size);
+    }
+    return apart;
+  }
+
+ private:
+  struct Place {
+    double t;
+    std::vector<double> u;
+  };
+  std::size_t dof_;
+  std::deque<Place> seen_;
+};
+
+// A motion that is looked at where it passes a section, until it is known what becomes of it.
+class Settling {
+ public:
+  using Cycle = StickCycle;
+
+  std::optional<StickCycle> close(int back) {
+    try {
+      return cycle_near(m_, since(back));
+    } catch (const Failure& e) {
+      if (returned(back) < exactly)
+        end(Fate::repeats_only, "repeats after a time of " + rounded_text(past().time_since(back), 10) +
+                                    ", but no cycle can be made of it: " + e.what());
+    }
+    return std::nullopt;
+  }
+  double growth(const StickCycle& cycle) const { return growth_in_period(m_, cycle); }
+  virtual double returned(int back) const = 0;
+
+ protected:
+  explicit Settling(const StickMotion& m, const std::vector<double>& start) : m_(m), p_{0, start, {}, {}, 0} {
+    if (m.forced()) p_.u.push_back(0);
+    m_.decide(p_);
+  }
+  virtual ~Settling() = default;
+  virtual const PastStates& past() const = 0;
+  virtual StickCycle since(int back) const = 0;
+  bool end(Fate fate, const std::string& why = "") {
+    fate_ = {fate, {}, 0, why};
+    ended_ = true;
+    return false;
+  }
+
+  const StickMotion& m_;
+  StickState p_;
+  bool ended_ = false;
+  StickFate fate_{Fate::wanders, {}, 0, ""};
+};
+
+// With a plate that goes evenly: its releases.
+class Releases : public Settling {
+ public:
+  Releases(const StickMotion& motion, const std::vector<double>& start, int patience)
+      : Settling(motion, start), patience_(patience), mean_(motion.scene().averaged()),
         turn_(2 * M_PI / std::sqrt(mean_.A() * mean_.K0())) {
     const Scene& s = mean_;
     if (!std::isfinite(turn_)) turn_ = 2 * M_PI / std::sqrt(s.A() * s.K1());
     escape_ = escape_velocity(s);
     turn_ += (s.B() + std::abs(s.s_delta()) / s.A()) / s.K0();
+    released_ = released_now(p_);
   }
 
-  StickFate operator()(const std::vector<double>& start) {
-    StickState p{0, start, {}, {}, 0};
-    m_.decide(p);
+  bool pass() {
     const auto turned = [this](double, int node, const double* u) {
       last_ = now_;
       now_ = u[node * m_.dof()];
       if (++turns_ == 1) first_ = now_;
     };
     const long most = most_steps / m_.nodes();
-    bool released = released_now(p);
-    for (long releases = 0, next_try = 0, passed = 0; releases < 50L * patience_ && p.steps < most;) {
+    while (!ended_ && p_.steps < most) {
+      while (!changes_.empty()) {
+        const Change c = changes_.front();
+        changes_.pop_front();
+        passed_ = c.before == 0 || c.after == 0 ? 0 : passed_ + 1;
+        if (passed_ > patience_ || (passed_ > 1 && released_ && std::isinf(escape_)))
+          return end(Fate::oscillates);
+        released_ = released_ || (c.before == 0 && m_.size() == 2);
+        if (c.before != 0) continue;
+        here_ = c;
+        at(c).remember(p_.t, p_.u);
+        return true;
+      }
       beat("slips");
       const std::vector<Change> changes =
-          m_.advance(p, m_.all_rest(p) ? m_.never : p.t + turn_, nullptr, turned);
-      if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
-      if (size(p) > escape_) return {Fate::grows, {}, p.t};
-      if (changes.empty()) {
-        if (++quiet_ > patience_)
-          return ended(p, m_.free_nodes_rest(p) ? Fate::waits
-                          : oscillates(p)       ? Fate::oscillates
-                                                : Fate::slides);
-        if (turns_ > 0 && m_.size() == 2) return ended(p, stable() ? Fate::slides : Fate::oscillates);
-        if (turns_ > 1 && closing(p)) return ended(p, Fate::slides);
-        continue;
-      }
-      quiet_ = turns_ = 0;
-      for (const Change& c : changes) {
-        passed = c.before == 0 || c.after == 0 ? 0 : passed + 1;
-        if (passed > patience_ || (passed > 1 && released && std::isinf(escape_)))
-          return {Fate::oscillates, {}, p.t};
-        released = released || (c.before == 0 && m_.size() == 2);
-        if (c.before == 0 && ++releases && repeats(c, p) && releases >= next_try) {
-          if (const std::optional<StickCycle> found = cycle(c, p)) return {Fate::repeats, *found, p.t};
-          // what only seems to repeat (beside a fold, say) does so for long
-          next_try = releases + releases / 2;
-        }
+          m_.advance(p_, m_.all_rest(p_) ? m_.never : p_.t + turn_, nullptr, turned);
+      if (p_.t == StickMotion::never) return end(Fate::stuck);
+      if (size() > escape_) return end(Fate::grows);
+      changes_.assign(changes.begin(), changes.end());
+      if (!changes.empty()) {
+        quiet_ = turns_ = 0;
+      } else if (++quiet_ > patience_) {
+        if (m_.free_nodes_rest(p_)) return end(Fate::waits);
+        if (oscillates()) return end(Fate::oscillates);
+        if (!leaves_sliding()) return end(Fate::slides);
+      } else if (turns_ > 0 && m_.size() == 2) {
+        return end(stable() ? Fate::slides : Fate::oscillates);
+      } else if (turns_ > 1 && closing()) {
+        return end(Fate::slides);
       }
     }
-    return ended(p, Fate::wanders);
+    return false;
   }
-
- private:
-  StickFate ended(const StickState& p, Fate fate) const {
-    StickFate result{fate, {}, p.t};
+  double returned(int back) const override {
+    return past().apart(back, std::max({1e-300, past().largest_psi(), std::abs(m_.scene().v)}),
+                        m_.state_scale());
+  }
+  StickFate fate() const {
+    StickFate result = fate_;
+    result.time = result.fate == Fate::stuck ? 0 : p_.t;
     result.cycle.clearance = turns_ == 0 ? std::abs(m_.scene().v) : std::abs(first_);
     return result;
   }
 
+ private:
+  PastStates& at(const Change& c) {
+    return seen_.try_emplace({c.node, c.after}, std::size_t(m_.dof())).first->second;
+  }
+  const PastStates& past() const override { return seen_.at({here_.node, here_.after}); }
+  StickCycle since(int back) const override {
+    StickCycle near;
+    near.start = p_.u;
+    near.node = here_.node;
+    near.side = here_.after;
+    near.releases = back;
+    return near;
+  }
   bool stable() const {  // uniform sliding
     const Scene& s = m_.scene();
     const double side = s.v < 0 ? -1 : 1;
@@ -90,17 +190,17 @@ class OrbitSearch {
         .stable(0);
   }
   // One node that turns nearer and nearer to sliding that is stable.
-  bool closing(const StickState& p) const {
+  bool closing() const {
     const double v = m_.scene().v;
-    return p.direction.size() == 1 && std::abs(now_ - v) < near_sliding * std::abs(v) &&
+    return p_.direction.size() == 1 && std::abs(now_ - v) < near_sliding * std::abs(v) &&
            std::abs(now_ - v) < std::abs(last_ - v) && stable();
   }
   // |psi| to which a node swings at most, less what friction alone makes of eta.
-  double size(const StickState& p) const {
+  double size() const {
     double most = 0;
     for (int i = 0; i < m_.nodes() && std::isfinite(escape_); ++i) {
-      const double* u = &p.u[i * m_.dof()];
-      const double force = std::max(0., std::abs(u[1]) - 4 * m_.threshold(i, p.u.data()));
+      const double* u = &p_.u[i * m_.dof()];
+      const double force = std::max(0., std::abs(u[1]) - 4 * m_.threshold(i, p_.u.data()));
       most = std::max(most, std::hypot(u[0], force * std::sqrt(mean_.A() / mean_.K0())));
     }
     return most;
@@ -112,45 +212,120 @@ class OrbitSearch {
     return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 &&
            std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);
   }
-  bool oscillates(const StickState& p) const {
+  bool oscillates() const {
     double most = 0;
     std::vector<double> f(m_.size());
-    m_.rates(p.direction, p.u.data(), f.data());
+    m_.rates(p_.direction, p_.u.data(), f.data());
     for (std::size_t i = 0; i < f.size(); i += std::size_t(m_.dof())) most = std::max(most, std::abs(f[i]));
     return most * turn_ > 1e-4 * m_.psi_scale();
   }
 
-  // Whether this release looks like one before; fills releases_.
-  bool repeats(const Change& c, const StickState& p) {
-    PastStates& seen = seen_.try_emplace({c.node, c.after}, std::size_t(m_.dof())).first->second;
-    const double size = std::max({1e-300, seen.largest_psi(), std::abs(m_.scene().v)});
-    releases_ = seen.repeats_after(p.u, size, m_.state_scale());
-    return releases_ > 0;
-  }
-  std::optional<StickCycle> cycle(const Change& c, const StickState& p) const {
-    StickCycle near;
-    near.start = p.u;
-    near.node = c.node;
-    near.side = c.after;
-    near.releases = releases_;
-    return accepted_cycle(m_, near);
+  // From sliding that is unstable, once.
+  bool leaves_sliding() {
+    if (pushed_) return false;
+    std::vector<double> J(m_.size() * m_.size());
+    m_.jacobian(p_.direction, p_.u.data(), J.data());
+    const Eigenpair lead = leading_deviation(int(m_.size()), J);
+    if (!(lead.value.real() * turn_ > no_growth)) return false;
+    double most = 0;
+    for (std::size_t k = 0; k < m_.size(); ++k)
+      most = std::max(most, std::abs(lead.vector[k].real()) / (k % std::size_t(m_.dof()) == 0
+                                                                   ? std::abs(m_.scene().v)
+                                                                   : m_.scale(k)));
+    for (std::size_t k = 0; k < m_.size(); ++k) p_.u[k] += push_off * lead.vector[k].real() / most;
+    quiet_ = turns_ = 0;
+    return pushed_ = true;
   }
 
-  const StickMotion& m_;
   const int patience_;
   const Scene mean_;  // with the mean coefficients, for estimates
   double turn_;       // about the time of one
   double escape_;     // see escape_velocity()
-  int quiet_ = 0, turns_ = 0, releases_ = 0;
-  double first_ = 0, now_ = 0, last_ = 0;              // psi at turns without a stop, since the last change
+  int quiet_ = 0, turns_ = 0;
+  long passed_ = 0;  // passages of psi = 0 without a rest
+  bool released_ = false, pushed_ = false;
+  double first_ = 0, now_ = 0, last_ = 0;  // psi at turns without a stop, since the last change
+  Change here_{};                          // the release
+  std::deque<Change> changes_;             // made at one time, not looked at yet
   std::map<std::pair<int, double>, PastStates> seen_;  // releases of a node in a direction
+};
+
+// Under a load: beginnings of its periods.
+class LoadPeriods : public Settling {
+ public:
+  LoadPeriods(const StickMotion& m, const std::vector<double>& start)
+      : Settling(m, start), period_(m.scene().forcing_period()), escape_(escape_velocity(m.scene())),
+        seen_(std::size_t(m.dof())) {}
+
+  // The clock is set back.
+  bool pass() {
+    if (ended_) return false;
+    bool changed = false;
+    while (p_.t < period_) {
+      beat("slips");
+      if (!m_.advance(p_, period_).empty()) changed = true;
+    }
+    p_.t = p_.u.back() = 0;
+    ++periods_;
+    if (fastest() > escape_) return end(Fate::grows);
+    quiet_ = changed ? 0 : quiet_ + 1;
+    seen_.remember(periods_ * period_, p_.u);
+    for (int back = 1; back <= most_returns && quiet_ > most_returns; ++back)
+      if (seen_.apart(back, m_.psi_scale(), m_.state_scale()) < looks_equal)
+        return end(m_.free_nodes_rest(p_) ? Fate::stuck : Fate::oscillates);
+    return true;
+  }
+  double returned(int back) const override {
+    return quiet_ > 0 ? StickMotion::never : seen_.apart(back, m_.psi_scale(), m_.state_scale());
+  }
+  StickFate fate() const {
+    StickFate result = fate_;
+    result.time = periods_ * period_;
+    result.cycle.start = p_.u;
+    return result;
+  }
+
+ private:
+  const PastStates& past() const override { return seen_; }
+  double fastest() const {
+    double most = 0;
+    for (int i = 0; i < m_.nodes(); ++i) most = std::max(most, std::abs(p_.u[i * m_.dof()]));
+    return most;
+  }
+  // The section: the middle of the longest time without a start or a stop.
+  StickCycle since(int periods) const override {
+    StickState p(p_);
+    const double end = periods * period_;
+    std::vector<double> times;
+    while (p.t < end)
+      if (!m_.advance(p, end).empty()) times.push_back(p.t);
+    double longest = 0, middle = 0;
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const double next = k + 1 < times.size() ? times[k + 1] : times[0] + end;
+      if (next - times[k] <= longest) continue;
+      longest = next - times[k];
+      middle = std::fmod(times[k] + longest / 2, end);
+    }
+    p = p_;
+    while (p.t < middle) m_.advance(p, middle);
+    StickCycle c;
+    c.start = p.u;
+    c.load = {periods, middle, {}};
+    for (const double direction : p.direction) c.load.rests.push_back(direction == 0);
+    return c;
+  }
+
+  double period_, escape_, periods_ = 0;
+  int quiet_ = 0;    // periods without a start or a stop
+  PastStates seen_;
 };
 
 }  // namespace
 
 std::string to_string(Fate fate) {
   switch (fate) {
-    case Fate::repeats: return "sticks and slips periodically";
+    case Fate::repeats:
+    case Fate::repeats_only: return "sticks and slips periodically";
     case Fate::slides: return "slides steadily";
     case Fate::oscillates: return "oscillates without rest";
     case Fate::stuck: return "rests permanently";
@@ -168,9 +343,32 @@ Scene one_node_of(const Scene& scene) {
   return one;
 }
 
+namespace {
+
+template <class Motion>
+StickFate fate_of(Motion& motion, double passages) {
+  Settled<StickCycle> settled = settle(motion, {passages, looks_equal, false});
+  StickFate fate = motion.fate();
+  if (settled.cycle) fate = {Fate::repeats, std::move(*settled.cycle), fate.time, ""};
+  return fate;
+}
+
+StickFate fate_of_releases(const StickMotion& motion, const std::vector<double>& start, int patience = 400) {
+  Releases releases(motion, start, patience);
+  return fate_of(releases, 50. * patience);
+}
+
+}  // namespace
+
 StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience) {
+  return fate_of_releases(StickMotion(scene), start, patience);
+}
+
+StickFate forced_stick_fate(const Scene& scene, const std::vector<double>& start, int patience) {
   const StickMotion motion(scene);
-  return OrbitSearch(motion, patience)(start);
+  LoadPeriods periods(motion, start);
+  const double turn = 2 * M_PI / scales_of(scene).rate;
+  return fate_of(periods, patience * std::max(1., turn / scene.forcing_period()));
 }
 
 namespace {
@@ -212,10 +410,10 @@ constexpr int most_rounds = 45;  // settled by then, but for the last millionth 
 
 StickFate uniform_stick_fate(const Scene& s) {
   const StickMotion motion(s);
-  if (never_slips(s)) return {Fate::stuck, {}, 0};
-  const StickFate strong = OrbitSearch(motion, 400)(after_rest(motion, long_rest));
+  if (never_slips(s)) return {Fate::stuck, {}, 0, ""};
+  const StickFate strong = fate_of_releases(motion, after_rest(motion, long_rest));
   if (strong.fate == Fate::repeats || motion.dof() == 2) return strong;
-  const StickFate weak = OrbitSearch(motion, 400)(after_rest(motion, short_rest));
+  const StickFate weak = fate_of_releases(motion, after_rest(motion, short_rest));
   return weak.fate == Fate::repeats ? weak : strong;
 }
 

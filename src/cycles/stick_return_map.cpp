@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "base/pulse.hpp"
-#include "cycles/past_states.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -290,11 +289,6 @@ std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::ve
 
 namespace {
 
-// Whether every deviation but that along the motion decays or stays.
-bool attracts(const StickMotion& m, const StickCycle& cycle) {
-  return std::abs(multipliers_of(moving_unknowns(m).size(), monodromy_matrix(m, cycle)).front()) < 1 + 1e-6;
-}
-
 double distance(const StickMotion& m, const std::vector<double>& one, const std::vector<double>& other) {
   double apart = 0;
   for (const std::size_t k : moving_unknowns(m))
@@ -323,15 +317,16 @@ StickCycle shortest(const StickMotion& m, const StickCycle& found) {
 
 }  // namespace
 
-std::optional<StickCycle> accepted_cycle(const StickMotion& m, const StickCycle& near) {
-  try {
-    const StickCycle exact = polished(m, near);
-    if (distance(m, exact.start, near.start) > 100 * looks_equal) return std::nullopt;
-    const StickCycle found = shortest(m, exact);
-    if (attracts(m, found)) return found;
-  } catch (const Failure&) {
-  }
-  return std::nullopt;
+std::optional<StickCycle> cycle_near(const StickMotion& m, const StickCycle& near) {
+  constexpr double far = 1e-2;
+  const StickCycle exact = polished(m, near);
+  if (distance(m, exact.start, near.start) > far) return std::nullopt;
+  return shortest(m, exact);
+}
+
+double growth_in_period(const StickMotion& m, const StickCycle& cycle) {
+  return std::log(
+      std::abs(multipliers_of(moving_unknowns(m).size(), monodromy_matrix(m, cycle)).front()));
 }
 
 }  // namespace stickslip

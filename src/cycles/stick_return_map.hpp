@@ -62,9 +62,11 @@ std::vector<double> monodromy_matrix(const StickMotion& motion, const StickCycle
 
 // Its eigenvalues, largest modulus first.
 std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map);
-// The cycle that a motion has come to which looks, at `near`, as it did a cycle before: made exact, and the
-// shorter one where it has repeated within its releases (its periods of the load), as it seems to beside a
-// doubling. None where it is another one, or does not attract.
-std::optional<StickCycle> accepted_cycle(const StickMotion& motion, const StickCycle& near);
+// The cycle near what a motion has come to: made exact, and the shorter one where it has repeated within its
+// releases (its periods of the load), as it seems to beside a doubling. Nothing where it is far from there;
+// throws Failure as polished().
+std::optional<StickCycle> cycle_near(const StickMotion& motion, const StickCycle& near);
+// Of the deviation that grows most, or of that along the motion, which stays: the logarithm.
+double growth_in_period(const StickMotion& motion, const StickCycle& cycle);
 
 }  // namespace stickslip

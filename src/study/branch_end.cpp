@@ -23,7 +23,6 @@ constexpr int most_steps = 400;     // of a branch
 constexpr int most_passes = 3;      // over the samples of a square
 constexpr double strong_slip = 10;  // friction forces above sliding, as strong_slips_last has them
 constexpr double past_hopf = 0.02;  // of the way between two samples
-constexpr int turns_to_settle = 400;
 constexpr double vanished = 1e-3;  // amplitude, over that at the beginning of a branch
 
 // A and B on different sides of the line through c and d, and these of that through a and b.

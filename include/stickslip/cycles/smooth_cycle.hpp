@@ -55,9 +55,14 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
 // only where they settle on no other. Throws Failure where none is found, which says what was found instead.
 SmoothCycle uniform_cycle(const Scene& scene, double tolerance = 1e-10, double slip = 1);
 
-// The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on within `turns`
-// turns, or else one that repels, near to which it came. Throws Failure where it slides steadily, never
-// repeats, or its steps need over 500 MB.
+// Turns of a cell's own motion within which it is to settle on a cycle.
+constexpr int turns_to_settle = 400;
+
+// The cycle of a cell that its own motion from `start` (node by node as in Model, held ones too) settles on
+// within `turns` turns, or else one that repels, near to which it came: of its shortest period. The motion
+// goes by the steps of a run (time/time.hpp); from sliding that is unstable it is pushed off. Throws Failure
+// where it settles on sliding, never repeats, repeats without collocation finding its cycle, or takes over two
+// million steps (of 30 unknowns; 500 MB of them in a dozen turns).
 SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns,
                           double tolerance = 1e-10);
 

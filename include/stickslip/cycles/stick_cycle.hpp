@@ -37,6 +37,7 @@ Scene one_node_of(const Scene& scene);
 // What the motion from a start comes to.
 enum class Fate {
   repeats,     // a cycle with rests
+  repeats_only,  // the same, but of which nothing else can be said
   slides,      // steady sliding
   oscillates,  // without rest
   stuck,       // permanently at rest
@@ -77,7 +78,8 @@ struct StickFate {
   Fate fate;
   // of `repeats`; else its clearance is |psi| where the last slip turned first, |v| where none did
   StickCycle cycle;
-  double time;  // looked at
+  double time;      // looked at
+  std::string why;  // of `repeats_only`: after which time it repeats, and why no cycle can be made of it
 };
 
 // Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats,
