@@ -137,11 +137,13 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   // the cubic's cycle, and beyond its Hopf point none (Lienard)
   const bool only_one = !std::isnan(oscillator.v_c());
   std::optional<SmoothCycle> found;
+  std::string why;
   try {
     found = cycle_of_slip(node, oscillator, tolerance, slip);
     if (strong || only_one || growth_rate(found->cycle) < 0) return *found;
   } catch (const Failure& e) {
     if (strong || only_one) throw Failure(std::string("no cycle: ") + e.what());
+    why = e.what();
   }
   if (std::optional<SmoothCycle> stronger = cycle_of_stronger_slips(node, oscillator, tolerance))
     return *stronger;
@@ -149,7 +151,11 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   // what becomes of a slip in the end is said by the steps of a run
   std::vector<double> start = CellField(node).sliding();
   start[1] += slip * (start[1] - node.B() * node.v);  // a force of friction above sliding
-  return settled_cycle(node, start, turns_to_settle, tolerance);
+  try {
+    return settled_cycle(node, start, turns_to_settle, tolerance);
+  } catch (const Failure& e) {
+    throw Failure(e.what() + ("; " + why));
+  }
 }
 
 }  // namespace stickslip

@@ -61,8 +61,8 @@ constexpr int turns_to_settle = 400;
 // The cycle of a cell that its own motion from `start` (node by node as in Model, held ones too) settles on
 // within `turns` turns, or else one that repels, near to which it came: of its shortest period. The motion
 // goes by the steps of a run (time/time.hpp); from sliding that is unstable it is pushed off. Throws Failure
-// where it settles on sliding, never repeats, repeats without collocation finding its cycle, or takes over two
-// million steps (of 30 unknowns; 500 MB of them in a dozen turns).
+// where it settles on sliding, never repeats, repeats without collocation finding its cycle, or takes too
+// many steps: 2 10^6 over 1 + unknowns/30, or 500 MB of them in a dozen turns.
 SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns,
                           double tolerance = 1e-10);
 
