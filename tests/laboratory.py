@@ -1,7 +1,12 @@
-"""Rate-and-state sliders as laboratories and faults have them, drawn at random, and their motion by SciPy's Radau in ln psi and
+"""Rate-and-state sliders as laboratories and faults have them, drawn at random, and their motion by laboratory.cpp in ln psi and
 ln theta, in which psi of any number of decades is one smooth function."""
+import ctypes
+import functools
+import os
+import subprocess
+import tempfile
+
 import numpy as np
-from scipy.integrate import solve_ivp
 
 
 def draw(generator, most_blocks=20, with_mass=True):
@@ -27,82 +32,48 @@ def draw(generator, most_blocks=20, with_mass=True):
             "init_state": D / v, "init_eta": "steady"}
 
 
-def rates(p):
-    """x_t of x = ln psi, eta (with mass alone) and ln theta of all blocks, its derivatives by x (with mass alone), and x at the start."""
-    n, m, f0, zeta, v = p["grid_n"], p["model_m"], p["model_f0"], p["model_zeta"], p["model_v"]
+class Chain(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_int) for name in ("n", "regularised", "slip_law")] + \
+               [(name, ctypes.c_double) for name in ("m", "k0", "k1", "f0", "zeta", "v", "a", "b", "D", "mu0", "psi0")]
+
+
+@functools.lru_cache(None)
+def compiled():
+    with tempfile.TemporaryDirectory() as folder:
+        library = os.path.join(folder, "laboratory.so")
+        source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "laboratory.cpp")
+        subprocess.run(["c++", "-std=c++17", "-O2", "-shared", "-fPIC", "-o", library, source], check=True)
+        return ctypes.CDLL(library)
+
+
+def solved(p, times, rtol):
+    """psi of all blocks at the times, and of each passage of the first block's psi up through v its time and d ln psi/dt."""
+    n, mass = p["grid_n"], p["model_m"] > 0
     a, b, D, mu0, psi0 = (p["friction_" + name] for name in ("a", "b", "D", "mu0", "psi0"))
-
-    def springs(psi):
-        beside = np.diff(psi)
-        return p["model_k0"] * (v - psi) + p["model_k1"] * (np.r_[beside, 0] - np.r_[0, beside])
-
-    def force(y, s):
-        """F, and the share of the regularised law in the slopes a and b of the logarithm."""
-        if p["friction_law"] == "dieterich":
-            return mu0 + a * (y - np.log(psi0)) + b * (s + np.log(psi0 / D)), 1.
-        z = y - np.log(2 * psi0) + (mu0 + b * (s + np.log(psi0 / D))) / a
-        near = np.exp(np.minimum(z, 30))
-        return a * np.where(z < 30, np.arcsinh(near), z + np.log(2)), near / np.sqrt(1 + near ** 2)
-
-    def ageing(psi, s):
-        if p["state_law"] == "ageing":
-            return np.exp(-s) - psi / D
-        return -psi / D * (np.log(psi / D) + s)
-
-    def massless(_, x):
-        y, s = x[:n], x[n:]
-        psi, state_t, share = np.exp(y), ageing(np.exp(y), s), force(y, s)[1]
-        return np.r_[(springs(psi) - f0 * b * share * state_t) / (f0 * a * share + zeta * psi), state_t]
-
-    def massive(_, x):
-        y, eta, s = x[:n], x[n:2 * n], x[2 * n:]
-        psi = np.exp(y)
-        return np.r_[(f0 * (eta - force(y, s)[0]) - zeta * psi) / (m * psi), springs(psi) / f0, ageing(psi, s)]
-
-    pull = np.array([springs(column) - springs(np.zeros(n)) for column in np.eye(n)]).T
-
-    def slopes(_, x):
-        """d massive/dx, without which implicit methods spend their time on differences."""
-        y, eta, s = x[:n], x[n:2 * n], x[2 * n:]
-        psi, (F, share), i = np.exp(y), force(y, s), np.arange(n)
-        J = np.zeros((3 * n, 3 * n))
-        J[i, i] = f0 * (F - eta - a * share) / (m * psi)
-        J[i, n + i], J[i, 2 * n + i] = f0 / (m * psi), -f0 * b * share / (m * psi)
-        J[n:2 * n, :n] = pull * psi / f0
-        moved = 1 if p["state_law"] == "ageing" else np.log(psi / D) + s + 1
-        J[2 * n + i, i], J[2 * n + i, 2 * n + i] = -psi / D * moved, -np.exp(-s) if p["state_law"] == "ageing" else -psi / D
-        return J
-
+    chain = Chain(n, p["friction_law"] == "rate-and-state", p["state_law"] == "slip",
+                  *(p["model_" + name] for name in ("m", "k0", "k1", "f0", "zeta", "v")), a, b, D, mu0, psi0)
     y, s = np.full(n, np.log(p["init_psi"])), np.full(n, np.log(p["init_state"]))
-    if m == 0:
-        return massless, None, np.r_[y, s]
-    return massive, slopes, np.r_[y, force(y, s)[0] + zeta / f0 * np.exp(y), s]
+    friction = mu0 + a * (y - np.log(psi0)) + b * (s + np.log(psi0 / D))
+    if chain.regularised:
+        friction = a * np.arcsinh(np.exp(friction / a) / 2)
+    start = np.ascontiguousarray(np.transpose([y, s, friction + p["model_zeta"] / p["model_f0"] * np.exp(y)][:3 if mass else 2]))
+    times, out, passed = np.array(times, dtype=float), np.empty((len(times), *start.shape)), np.empty((100000, 2))
+    pointers = [given.ctypes.data_as(ctypes.c_void_p) for given in (start, times, out, passed)]
+    found = compiled().follow(ctypes.byref(chain), ctypes.c_double(rtol), pointers[0], len(times), *pointers[1:3], len(passed), pointers[3])
+    assert 0 <= found < len(passed), f"the reference does not get through: {p}"
+    return np.exp(out[:, :, 0]), passed[:found]
 
 
-def solved(p, until, rtol, method, **more):
-    f, slopes, start = rates(p)
-
-    def passes(_, x):
-        return x[0] - np.log(p["model_v"])
-    passes.direction = 1
-    if slopes is not None and method in ("Radau", "BDF"):
-        more["jac"] = slopes
-    seen = solve_ivp(f, (0, until), start, method=method, rtol=rtol, atol=rtol, events=passes, **more)
-    assert seen.success, seen.message
-    return seen
-
-
-def motion(p, times, rtol, method="Radau"):
+def motion(p, times, rtol):
     """psi of all blocks at the times."""
-    return np.exp(solved(p, times[-1], rtol, method, t_eval=times).y[:p["grid_n"]].T)
+    return solved(p, times, rtol)[0]
 
 
-def passages(p, until, rtol, method):
+def passages(p, until, rtol):
     """When psi of the first block rises through v, in the second half of the run, and how fast ln psi rises there; None where
     that does not repeat."""
-    seen = solved(p, until, rtol, method, dense_output=True)
-    late = seen.t_events[0][seen.t_events[0] > 0.5 * until]
+    late, rise = solved(p, [until], rtol)[1].T
+    late, rise = late[late > 0.5 * until], rise[late > 0.5 * until]
     if len(late) < 3 or np.ptp(np.diff(late)) > 1e-6 * np.diff(late).mean():
         return None
-    before = late - 1e-6 * np.diff(late).mean()
-    return late, (seen.sol(late)[0] - seen.sol(before)[0]) / (late - before)
+    return late, rise

@@ -1,6 +1,6 @@
 """Motions beside which tolerances are not small by themselves: oscillations of a rate-and-state slider near its critical
 stiffness, which are small beside v and change slowly, so that errors of steps add up; and slips of smoothed friction under a
-plate that hardly moves. Against SciPy's Radau."""
+plate that hardly moves. Against laboratory.cpp and SciPy's Radau."""
 import numpy as np
 from scipy.integrate import solve_ivp
 
