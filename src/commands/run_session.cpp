@@ -318,8 +318,6 @@ void Run::open_file() {
   ObservationPlan plan = this->plan();
   const bool with_file = options_.is_set("out_file");
   integrator_->set_output_times([plan](double t) { return plan.next_time(t); });
-  if (plan.layout.frames > 0 && !integrator_->interpolation_caveat().empty())
-    warn(integrator_->interpolation_caveat());
   if (with_file) {
     std::optional<RunFile::Resume> resume;
     if (origin_.resumed && exists(options_.text("out_file")))

@@ -26,7 +26,6 @@ class DenseOutput {
   static double bytes_a_node(double unknowns, int degree, bool asked) {
     return (1 + (asked ? 2 * degree : 0)) * unknowns;
   }
-  int degree() const { return degree_; }
   // A new step, of which nothing is known.
   void forget() { degree_now_ = 0; }
   // u at the part s of the step of length dt from `before`, at the time t, to `after`. Collective; costs
@@ -44,14 +43,15 @@ class DenseOutput {
   VecHandle work_;
 };
 
-// Values between the steps of a method that takes what is stiff implicitly: those of a step that ends there.
+// Values between the steps where no polynomial is as good as the steps: those of a step that ends there.
 //
-// Polynomials through slopes mean nothing where what is taken implicitly acts many times within a step. The
-// end of a step misses the balance that a stiff unknown keeps by the error e of the step, harmless there
-// since the next step leads back to it; but its slope as the right-hand side has it is then off by the rate
-// times e, for a light block by A e = f0/m e, and a cubic through slopes by up to 4/27 dt rate e. From where
-// that is more than e itself (is_stiff) values are taken instead from a step of the same method from the same
-// start: as stable as the step, and no less accurate.
+// The polynomial of arkimex:5 is of one order less than its steps. And polynomials through slopes mean
+// nothing where what is taken implicitly acts many times within a step. The end of a step misses the
+// balance that a stiff unknown keeps by the error e of the step, harmless there since the next step leads
+// back to it; but its slope as the right-hand side has it is then off by the rate times e, for a light
+// block by A e = f0/m e, and a cubic through slopes by up to 4/27 dt rate e. There, from where that is more
+// than e itself, values are those of a step of the same method from the same start: as stable as the step,
+// and no less accurate.
 class ShorterStep {
  public:
   explicit ShorterStep(const Model& model) : model_(model) {}
@@ -62,7 +62,7 @@ class ShorterStep {
   bool may_be_asked() const { return asks_; }
 
   void forget() { looked_ = false; }  // a new step
-  bool is_stiff(Vec before, Vec after, double dt);
+  bool is_needed(Vec before, Vec after, double dt);
   // u at the part s of the step from `before` at the time t to `after`; `tolerances`: of the steps.
   // Collective.
   void take(Vec before, Vec after, double t, double dt, double s, const Tolerances& tolerances,
@@ -76,7 +76,7 @@ class ShorterStep {
   FusedTs* fused_ = nullptr;
   MethodSpec spec_;
   Implicit implicit_ = Implicit::none;
-  bool asks_ = false, adaptive_ = false;
+  bool always_ = false, asks_ = false, adaptive_ = false;
   bool looked_ = false, stiff_ = false;
   std::unique_ptr<Integrator> own_;  // the library's, of such steps
 };

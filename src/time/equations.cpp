@@ -76,7 +76,9 @@ PetscErrorCode Equations::Search(SNESLineSearch search, void* context) {
 }
 
 // Halves Newton's step until it makes the residual less, as PETSc's own search does, whose norm adds what has
-// different units.
+// different units: either each row as it is, or as the change of its unknown that it stands for. Of the
+// former a stiff psi that is in balance already is nearly all, of the latter one that friction no longer
+// holds.
 void Equations::search(SNESLineSearch search) const {
   constexpr int most_halvings = 40;
   SNES snes;
@@ -85,12 +87,13 @@ void Equations::search(SNESLineSearch search) const {
   SS_TRY(SNESLineSearchGetVecs(search, &u, &residual, &minus_step, &next, &residual_there));
   PetscBool changed;
   SS_TRY(SNESLineSearchPreCheck(search, u, minus_step, &changed));
-  const double before = size_of(residual);
+  const Sizes before = sizes_of(u, residual);
   SNESLineSearchReason reason = SNES_LINESEARCH_FAILED_REDUCT;
   for (int k = 0; k <= most_halvings && reason != SNES_LINESEARCH_SUCCEEDED; ++k) {
     SS_TRY(VecWAXPY(next, -std::ldexp(1., -k), minus_step, u));
     SS_TRY(SNESComputeFunction(snes, next, residual_there));
-    if (size_of(residual_there) < before) reason = SNES_LINESEARCH_SUCCEEDED;
+    const Sizes there = sizes_of(u, residual_there);
+    if (there.rows < before.rows || there.changes < before.changes) reason = SNES_LINESEARCH_SUCCEEDED;
   }
   SS_TRY(VecCopy(next, u));
   SS_TRY(VecCopy(residual_there, residual));
@@ -98,18 +101,29 @@ void Equations::search(SNESLineSearch search) const {
   SS_TRY(SNESLineSearchSetReason(search, reason));
 }
 
-// The sum of squares, each row in parts of the scale of its unknown. Collective.
-double Equations::size_of(Vec residual) const {
+// Sums of squares, each row in parts of the scale of its unknown: as it is, and over its slope at u.
+// Collective.
+Equations::Sizes Equations::sizes_of(Vec u, Vec residual) const {
   const int dof = model_.dof();
-  double sum = 0;
+  const double shift = std::abs(last_shift_);
+  Sizes sums;
   {
-    const Reading rows(residual);
+    const Reading values(u), rows(residual);
     for (PetscInt i = 0; i < model_.local() * dof; ++i) {
+      const double stiffer = i % dof == 0 ? 1 + slope_of_friction(i / dof, values + i) / shift : 1;
       const double off = rows[i] / tolerances_.scales.of(int(i % dof));
-      sum += off * off;
+      sums.rows += off * off;
+      sums.changes += off * off / (stiffer * stiffer);
     }
   }
-  return sum_over(model_.comm(), sum);
+  return {sum_over(model_.comm(), sums.rows), sum_over(model_.comm(), sums.changes)};
+}
+
+// A F_psi where friction goes by ln psi, 0 elsewhere and where no friction acts on psi_t.
+double Equations::slope_of_friction(PetscInt i, const double* at) const {
+  if (!model_.friction_law(i).steep || model_.scene().massless() || model_.held(model_.first() + i)) return 0;
+  const double state = model_.dof() == 3 ? at[2] : 0;
+  return model_.coefficients(i).A * std::max(model_.friction(i, at[0], state).F_psi, 0.);
 }
 
 // What an equation is off by, over what it may be off by: the largest of all nodes. A residual, in psi's row

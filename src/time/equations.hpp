@@ -37,7 +37,11 @@ class Equations {
   static PetscErrorCode Converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
                                   void*);
   void search(SNESLineSearch search) const;
-  double size_of(Vec residual) const;
+  struct Sizes {
+    double rows = 0, changes = 0;
+  };
+  Sizes sizes_of(Vec u, Vec residual) const;
+  double slope_of_friction(PetscInt i, const double* at) const;
   double largest_miss(Vec u, Vec residual) const;
   static bool shares_jacobian(TS ts, MethodKind kind, const std::string& prefix);
   void set_newton(SNES snes, const std::string& prefix);

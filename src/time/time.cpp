@@ -252,7 +252,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   const double dt = t - advance.t_before, part = (at - advance.t_before) / dt;
   const bool has_begin = fused || has_kept;
   if (dense && !has_begin) throw std::logic_error("interpolation at a time that was not announced");
-  if (has_begin && shorter.is_stiff(before(), u, dt)) {
+  if (has_begin && shorter.is_needed(before(), u, dt)) {
     if (stick) stick->engage();
     shorter.take(before(), u, advance.t_before, dt, part, tolerances, into);
   } else if (dense) {
@@ -408,17 +408,6 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
 }
 
 const TimeReport& Integrator::report() const { return impl_->advance.report; }
-int Integrator::interpolation_order() const {
-  if (impl_->dense) return impl_->dense->degree();
-  return method().type == std::string(TSBDF) ? method().order : 4;
-}
-std::string Integrator::interpolation_caveat() const {
-  const int order = interpolation_order();
-  if (method().order <= order + 1 && method().name() != "arkimex:5") return "";
-  return method().name() + " has order " + std::to_string(method().order) +
-         ", but values between its steps (frames, measurements) have order 4; steps and the end are not "
-         "affected";
-}
 const Tolerances& Integrator::tolerances() const { return impl_->tolerances; }
 void Integrator::set_tolerances(const Tolerances& tolerances) { impl_->set_tolerances(tolerances); }
 bool Integrator::adaptive() const { return impl_->adaptive; }

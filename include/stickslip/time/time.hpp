@@ -98,10 +98,6 @@ class Integrator {
                      std::int64_t max_steps = std::numeric_limits<std::int64_t>::max());
 
   const TimeReport& report() const;  // as far as it has come; valid after a Failure too
-  // Degree of the polynomial between steps. Its error has at least the order of the method, arkimex 5
-  // excepted, where it has order 4: interpolation_caveat() then says so ("" otherwise).
-  int interpolation_order() const;
-  std::string interpolation_caveat() const;
   const Tolerances& tolerances() const;
   void set_tolerances(const Tolerances& tolerances);
   bool adaptive() const;  // does an error estimate choose the steps?
