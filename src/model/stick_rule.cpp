@@ -9,6 +9,8 @@
 
 namespace stickslip {
 
+using namespace stick_rule;
+
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -133,6 +135,130 @@ Release release(const RestingNode& node, const LoadsFrom& loads, double latest) 
     return found;
   }
   return {};
+}
+
+StickEvents::StickEvents(const Model& model)
+    : model_(model), has_state_(model.dof() == 3), both_sides_(model.scene().friction.back_slip),
+      loaded_(model.scene().forced() && !halts(model.scene())), free_end_(model.local()) {
+  while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
+  while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
+  for (PetscInt i = 0; i < model.local() && !has_state_; ++i)
+    fixed_.push_back(model.friction_law(i).threshold(0).value);
+}
+
+WithSlope StickEvents::moving_threshold(PetscInt i, double state, const NormalLoad& normal) const {
+  WithSlope law{has_state_ ? 0 : fixed_[std::size_t(i)], 0};
+  if (has_state_) {
+    const Friction& friction = model_.friction_law(i);
+    law = friction.threshold(state);
+    law.slope *= friction.sliding_rate(0, state, 0).g;
+  }
+  const double amplitude = model_.amplitude()[std::size_t(i)], by_load = normal.rate * amplitude * law.value;
+  return {normal.N * amplitude * law.value, normal.N * amplitude * law.slope + by_load};
+}
+
+double StickEvents::start(double force, double force_rate, const WithSlope& limit, double none) const {
+  double going = 0;
+  for_each_side([&](double side) {
+    const double excess = side * force - limit.value;
+    if (begins(std::abs(excess) <= none ? 0 : excess, limit.value, side * force_rate - limit.slope))
+      going = side;
+  });
+  return going;
+}
+
+RestingNode StickEvents::resting(PetscInt i, double side, double force, double rate, double state,
+                                 const LoadsFrom& loads) const {
+  RestingNode node{model_.friction_law(i), model_.amplitude()[std::size_t(i)], side, force, state, rate};
+  if (!model_.scene().load.varies() || !loads.vary()) return node;
+  node.K0 = model_.coefficients(i).K0;
+  node.rate -= node.K0 * loads.velocity(0);
+  return node;
+}
+
+void StickEvents::find(const StepOfNodes& step, Candidates& found) const {
+  found.begin(step.dt);
+  const NormalLoad normal0 = model_.normal_load(step.t), normal1 = model_.normal_load(step.t + step.dt);
+  const LoadsFrom loads = loads_from(step.t);
+  const LoadBounds bounds(model_.scene(), loads, step.dt);
+  for (PetscInt k = 0; k < step.count; ++k) {
+    const PetscInt i = model_node(step, k);
+    if (!takes_part(i)) continue;
+    if (step.direction[k] != 0) {
+      found.slides(k, step.direction[k], step.begin.psi_of(k), step.end.psi_of(k), step.begin_slope.psi_of(k),
+                   step.end_slope.psi_of(k));
+      continue;
+    }
+    const double state0 = step.begin.state_of(k);
+    const WithSlope limit0 = step.begin_limit ? step.begin_limit[k] : moving_threshold(i, state0, normal0),
+                    limit1 = moving_threshold(i, step.end.state_of(k), normal1);
+    if (step.end_limit) step.end_limit[k] = limit1;
+    const double force0 = step.begin.force_of(k), force1 = step.end.force_of(k),
+                 rate0 = step.begin_slope.force_of(k), rate1 = step.end_slope.force_of(k);
+    for_each_side([&](double side) {
+      const ValueAndSlope begin{0, side * force0 - limit0.value, side * rate0 - limit0.slope},
+          end{step.dt, side * force1 - limit1.value, side * rate1 - limit1.slope};
+      if (bounds.plain(begin, end)) return found.rests(k, side, begin, end, limit1.value);
+      RestingNode node = resting(i, side, force0, rate0, state0, loads);
+      node.moves(loads, step.dt, force1, rate1);
+      if (!bounds.out_of_reach(node, std::min(limit0.value, limit1.value)))
+        found.rests(k, side, begin, end, limit1.value, release(node, loads, step.dt));
+    });
+  }
+}
+
+Furthest StickEvents::furthest(const StepOfNodes& step, const Candidates& candidates, const StridedNodes& there,
+                               double part) const {
+  const NormalLoad normal = model_.normal_load(step.t + part * step.dt);
+  Furthest most;
+  for (const Candidate& c : candidates.list) {
+    const PetscInt k = c.node;
+    most.take(c, c.rests ? c.beyond(there.force_of(k),
+                                    threshold(model_node(step, k), there.state_of(k), normal), part)
+                         : c.beyond(there.psi_of(k), 0, part));
+  }
+  return most;
+}
+
+std::vector<NodeLimit> StickEvents::snap(const StepOfNodes& step, const Candidates& candidates,
+                                                  const StridedNodes& there, double* psi, double part) const {
+  const NormalLoad normal0 = model_.normal_load(step.t),
+                   normal = model_.normal_load(step.t + part * step.dt);
+  const auto limit_of = [&](PetscInt k) {
+    return threshold(model_node(step, k), there.state_of(k), normal);
+  };
+  std::vector<NodeLimit> limits;
+  for (const Candidate& c : candidates.list) {
+    const PetscInt k = c.node;
+    const double value = c.rests ? there.force_of(k) : there.psi_of(k);
+    if (c.beyond(value, c.rests ? limit_of(k) : 0, 1) < -close) continue;
+    if (c.rests)
+      limits.push_back({k, c.side});
+    else
+      psi[k * there.stride] = 0;
+  }
+  for (PetscInt k = 0; k < step.count; ++k) {
+    const PetscInt i = model_node(step, k);
+    if (!takes_part(i)) continue;
+    double& here = psi[k * there.stride];
+    if (step.direction[k] != 0) {
+      if (stops(step.direction[k], step.begin.psi_of(k), here)) here = 0;
+      continue;
+    }
+    here = 0;
+    const double limit = limit_of(k), limit0 = threshold(i, step.begin.state_of(k), normal0);
+    for_each_side([&](double side) {
+      const double excess = side * there.force_of(k) - limit;
+      if (arrives(excess, side * step.begin.force_of(k) - limit0, limit)) limits.push_back({k, side});
+    });
+  }
+  return limits;
+}
+
+double StickEvents::put_at(double limit, double side, double besides) {
+  double eta = side * limit - besides;
+  for (double step = 1e-16 * limit; side * (eta + besides) < limit; step *= 2) eta += side * step;
+  return eta;
 }
 
 }  // namespace stickslip

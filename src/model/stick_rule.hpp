@@ -145,6 +145,11 @@ struct Candidates {
   double estimate = infinity;  // about when the first comes
   double reached = infinity;   // a part of the step by which one has come
 
+  void begin(double step) {
+    dt = step;
+    list.clear();
+    estimate = reached = infinity;
+  }
   void slides(PetscInt node, double going, double psi0, double psi1, double rate0, double rate1) {
     const double g0 = -going * psi0, g1 = -going * psi1;
     const bool fresh = psi0 == 0, at_end = fresh ? g1 > 0 : g1 >= 0;
@@ -239,9 +244,96 @@ Place locate(double estimate, double reached, double shortest, const FurthestAt&
   return {Found::at, evaluated};
 }
 
+// Node k stands at k strides: its psi, its force eta + N D2 psi and its state (nullptr without one). Of a
+// slope: psi_t and the rate of the force.
+struct StridedNodes {
+  const double *psi = nullptr, *force = nullptr, *state = nullptr;
+  PetscInt stride = 1;
+  double psi_of(PetscInt k) const { return psi[k * stride]; }
+  double force_of(PetscInt k) const { return force[k * stride]; }
+  double state_of(PetscInt k) const { return state ? state[k * stride] : 0; }
+};
+// A step of the nodes first, first + 1, ... of the model's local ones, on a ring round it.
+struct StepOfNodes {
+  double t, dt;
+  PetscInt first, count;
+  const double* direction;
+  StridedNodes begin = {}, begin_slope = {}, end = {}, end_slope = {};
+  // Thresholds and their rates at both ends, of nodes that rest, where they are kept from step to step;
+  // else nullptr.
+  const WithSlope* begin_limit = nullptr;
+  WithSlope* end_limit = nullptr;
+};
+
+// A node that is to be at its threshold, on that side.
+struct NodeLimit {
+  PetscInt node;
+  double side;
+};
+
 }  // namespace stickslip::stick_rule
 
 namespace stickslip {
+
+// Where nodes side by side start and stop: those of a rank, or of what moves alone. All of stick_rule is
+// asked here for many nodes, wherever they stand in memory. Local: what is the same on all ranks is reduced
+// by who asks.
+class StickEvents {
+ public:
+  explicit StickEvents(const Model& model);
+
+  // Of node i of the model, with its state; the same product as on the right-hand side, so that a node at its
+  // threshold is there to the last bit when it begins to slip.
+  double threshold(PetscInt i, double state, const NormalLoad& normal = {}) const {
+    return normal.N * model_.amplitude()[std::size_t(i)] *
+           (has_state_ ? model_.friction_law(i).threshold(state).value : fixed_[std::size_t(i)]);
+  }
+  // And its rate, while the node rests.
+  WithSlope moving_threshold(PetscInt i, double state, const NormalLoad& normal = {}) const;
+  // A node that is not held, and has friction; of the latter alone.
+  bool takes_part(PetscInt i) const { return is_free(i) && !never_rests(i); }
+  bool is_free(PetscInt i) const { return i >= free_begin_ && i < free_end_; }
+  bool never_rests(PetscInt i) const { return is_free(i) && model_.amplitude()[std::size_t(i)] == 0; }
+  PetscInt free_begin() const { return free_begin_; }
+  PetscInt free_end() const { return free_end_; }
+
+  // In which direction a free node at psi = 0 goes on: 0 where it rests. `none`: see begins().
+  double start(double force, double force_rate, const WithSlope& limit, double none = 0) const;
+  // At rest from the time on at which the loads begin, one side of it; `rate`: of its force there, of which
+  // the plate's part may vary.
+  RestingNode resting(PetscInt i, double side, double force, double rate, double state,
+                      const LoadsFrom& loads) const;
+  LoadsFrom loads_from(double t) const { return loaded_ ? LoadsFrom(model_.scene(), t) : LoadsFrom(); }
+  template <class Body>
+  void for_each_side(const Body& body) const {
+    body(1.);
+    if (both_sides_) body(-1.);
+  }
+
+  // The changes within the step.
+  void find(const stick_rule::StepOfNodes& step, stick_rule::Candidates& found) const;
+  // Of the candidates at a part of the step, where the nodes are `there`.
+  stick_rule::Furthest furthest(const stick_rule::StepOfNodes& step, const stick_rule::Candidates& candidates,
+                                const stick_rule::StridedNodes& there, double part) const;
+  // At a part of the step those whose change has come, to round-off, get psi = 0, or are named: their forces
+  // are to become their thresholds (put_at()). First every psi, which others may feel.
+  std::vector<stick_rule::NodeLimit> snap(const stick_rule::StepOfNodes& step, const stick_rule::Candidates& candidates, const stick_rule::StridedNodes& there,
+                          double* psi, double part) const;
+  // The eta with which the force on a node, eta + besides, is its threshold, from which start() lets it go;
+  // not less by round-off.
+  static double put_at(double limit, double side, double besides);
+
+ private:
+  PetscInt model_node(const stick_rule::StepOfNodes& step, PetscInt k) const {
+    const PetscInt i = step.first + k;
+    return i < model_.local() ? i : i - model_.local();
+  }
+
+  const Model& model_;
+  bool has_state_, both_sides_, loaded_;  // loaded_: at rest the plate's velocity or the normal load varies
+  PetscInt free_begin_ = 0, free_end_;    // the local nodes that are not held
+  std::vector<double> fixed_;             // the laws' thresholds, without a state
+};
 
 // How a deviation from a motion passes a start or a stop of one node of friction that sticks: the saltation
 // matrix.

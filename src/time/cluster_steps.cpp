@@ -20,8 +20,8 @@ constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by t
 }  // namespace
 
 ClusterSteps::ClusterSteps(const Model& model, const Tolerances& tolerances)
-    : model_(model), scene_(model.scene()), dof_(model.dof()), reach_(scene_.order / 2),
-      both_sides_(scene_.friction.back_slip), loaded_(scene_.load.varies() && !halts(scene_)),
+    : model_(model), scene_(model.scene()), events_(model), dof_(model.dof()), reach_(scene_.order / 2),
+      loaded_(scene_.load.varies() && !halts(scene_)),
       tolerances_(tolerances), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()),
       K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
@@ -47,23 +47,9 @@ std::unique_ptr<Cluster> ClusterSteps::make(PetscInt first, PetscInt count) cons
   auto made = std::make_unique<Cluster>(first, count, dof_, reach_, tableau_.stages);
   for (PetscInt k = 0; k < count; ++k) {
     const PetscInt i = node(*made, k);
-    if (dof_ == 2) made->limit.push_back(threshold(i, 0));
     if (!scene_.unit_amplitude()) made->amplitude.push_back(model_.amplitude()[i]);
   }
   return made;
-}
-
-double ClusterSteps::threshold(PetscInt i, double state) const {
-  return model_.amplitude()[i] * model_.friction_law(i).threshold(state).value;
-}
-double ClusterSteps::threshold_rate(PetscInt i, double state) const {
-  if (dof_ == 2) return 0;
-  const Friction& law = model_.friction_law(i);
-  return model_.amplitude()[i] * (law.threshold(state).slope * law.sliding_rate(0, state, 0).g);
-}
-// u: a block
-double ClusterSteps::limit_at(const Cluster& c, PetscInt k, const double* u) const {
-  return dof_ == 2 ? c.limit[k] : threshold(node(c, k), u[c.place(2) + std::size_t(k)]);
 }
 
 double ClusterSteps::beyond(const Cluster& c, const double* psi, const Combination& nodes) {
@@ -284,135 +270,55 @@ void ClusterSteps::viscous_force(const Cluster& c, double* u, std::vector<double
   for (double& force : into) force *= N_;
 }
 
-void ClusterSteps::find_candidates(Cluster& c, double dt) {
-  const int slope0 = Cluster::slopes, slope1 = Cluster::slopes + tableau_.stages - 1;
-  const double *const force0 = forces(c, Cluster::now, 0), *const force1 = forces(c, Cluster::next, 1),
-                      *const rate0 = forces(c, slope0, 2), *const rate1 = forces(c, slope1, 3);
-  const double *const psi0 = c.column(Cluster::now, 0), *const psi1 = c.column(Cluster::next, 0),
-                      *const a0 = c.column(slope0, 0), *const a1 = c.column(slope1, 0);
-  const double *const u0 = c.block(Cluster::now), *const u1 = c.block(Cluster::next);
-  candidates_.list.clear();
-  candidates_.dt = dt;
-  candidates_.estimate = candidates_.reached = infinity;
-  const LoadsFrom loads = loaded_ ? LoadsFrom(scene_, c.t0) : LoadsFrom();
-  const LoadBounds bounds(scene_, loads, dt);
-  for (PetscInt k = 0; k < c.count; ++k) {
-    const PetscInt i = node(c, k);
-    if (scene_.held(i)) continue;
-    if (c.direction[k] != 0) {
-      candidates_.slides(k, c.direction[k], psi0[k], psi1[k], a0[k], a1[k]);
-      continue;
-    }
-    const double limit0 = limit_at(c, k, u0), limit1 = limit_at(c, k, u1);
-    double grows0 = 0, grows1 = 0;
-    if (dof_ == 3) {
-      grows0 = threshold_rate(i, u0[c.place(2) + std::size_t(k)]);
-      grows1 = threshold_rate(i, u1[c.place(2) + std::size_t(k)]);
-    }
-    for (const double side : {1., -1.}) {
-      if (side < 0 && !both_sides_) continue;
-      const ValueAndSlope begin{0, side * force0[k] - limit0, side * rate0[k] - grows0},
-          end{dt, side * force1[k] - limit1, side * rate1[k] - grows1};
-      if (bounds.plain(begin, end)) {
-        candidates_.rests(k, side, begin, end, limit1);
-        continue;
-      }
-      const double K0 = model_.coefficients(i).K0;  // a load goes with no state
-      RestingNode at_rest{model_.friction_law(i),
-                          model_.amplitude()[i],
-                          side,
-                          force0[k],
-                          0,
-                          rate0[k] - K0 * loads.velocity(0),
-                          K0};
-      at_rest.moves(loads, dt, force1[k], rate1[k]);
-      if (!bounds.out_of_reach(at_rest, limit1))
-        candidates_.rests(k, side, begin, end, limit1, release(at_rest, loads, dt));
-    }
-  }
+StridedNodes ClusterSteps::nodes(Cluster& c, int block, std::size_t number) {
+  return {c.column(block, 0), forces(c, block, number), dof_ == 3 ? c.column(block, 2) : nullptr};
 }
 
-Furthest ClusterSteps::furthest(Cluster& c, double dt, double part) {
+Furthest ClusterSteps::furthest(Cluster& c, const StepOfNodes& step, double part) {
   const bool at_end = part > 1 - close;  // which the polynomial misses by its error
   const int block = at_end ? Cluster::next : Cluster::stage;
-  Furthest most;
   if (dof_ == 2 && N_ == 0) {  // of the candidates alone
+    Furthest most;
     std::vector<double> weights;
-    if (!at_end) weights = method_->weights_at(part, dt);
+    if (!at_end) weights = method_->weights_at(part, step.dt);
     for (const Candidate& one : candidates_.list) {
       const std::size_t k = std::size_t(one.node) + c.place(one.rests ? 1 : 0);
       double value = c.block(at_end ? Cluster::next : Cluster::now)[k];
       for (std::size_t j = 0; j < weights.size() && !at_end; ++j)
         value += weights[j] * c.block(Cluster::slopes + int(j))[k];
-      most.take(one, one.beyond(value, c.limit[one.node], part));
+      most.take(one, one.beyond(value, events_.threshold(node(c, one.node), 0), part));
     }
     return most;
   }
   if (!at_end) interpolate(c, part, c.block(block));
-  const double* const force = forces(c, block, 1);
-  for (const Candidate& one : candidates_.list)
-    most.take(one, one.beyond(one.rests ? force[one.node] : c.column(block, 0)[one.node],
-                              one.rests ? limit_at(c, one.node, c.block(block)) : 0, part));
-  return most;
+  return events_.furthest(step, candidates_, nodes(c, block, 1), part);
 }
 
 // The first start or stop within the step, where `next` is then, with the slope there behind the others.
 Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
-  find_candidates(c, dt);
+  const int slope0 = Cluster::slopes, slope1 = Cluster::slopes + tableau_.stages - 1;
+  StepOfNodes step{c.t0, dt, c.first, c.count, c.direction.data()};
+  step.begin = nodes(c, Cluster::now, 0);
+  step.end = nodes(c, Cluster::next, 1);
+  step.begin_slope = nodes(c, slope0, 2);
+  step.end_slope = nodes(c, slope1, 3);
+  events_.find(step, candidates_);
   if (candidates_.reached == infinity) return Found::none;
   const Place place = locate(candidates_.estimate, candidates_.reached, unseen_ / dt,
-                             [&](double at) { return furthest(c, dt, at); });
+                             [&](double at) { return furthest(c, step, at); });
   if (place.found != Found::at) return place.found;
   part = place.part;
   if (!(part > 1 - close)) interpolate(c, part, c.block(Cluster::next));
-  snap(c);
+  const std::vector<NodeLimit> limits = events_.snap(step, candidates_, nodes(c, Cluster::next, 1),
+                                                     c.column(Cluster::next, 0), part);
+  if (!limits.empty() && N_ > 0) viscous_force(c, c.block(Cluster::next), forces_[0]);
+  for (const auto& [k, side] : limits) {
+    const double limit = events_.threshold(node(c, k), dof_ == 3 ? c.column(Cluster::next, 2)[k] : 0);
+    c.column(Cluster::next, 1)[k] =
+        StickEvents::put_at(limit, side, N_ > 0 ? forces_[0][std::size_t(k)] : 0);
+  }
   take_slope(c, c.t0 + part * dt, c.block(Cluster::next), cut_slope(c));
   return Found::at;
-}
-
-// Nodes whose change has come, to round-off, get psi = 0 or their threshold exactly: first every psi, which
-// others may feel.
-void ClusterSteps::snap(Cluster& c) {
-  struct Limit {
-    PetscInt k;
-    double side;
-  };
-  std::vector<Limit> limits;
-  double* const psi = c.column(Cluster::next, 0);
-  const double *const force0 = forces(c, Cluster::now, 0), *const psi0 = c.column(Cluster::now, 0);
-  const double *const u0 = c.block(Cluster::now), *const u1 = c.block(Cluster::next);
-  const double* const force = forces(c, Cluster::next, 1);
-  for (const Candidate& one : candidates_.list) {
-    const PetscInt k = one.node;
-    if (one.beyond(one.rests ? force[k] : psi[k], one.rests ? limit_at(c, k, u1) : 0, 1) < -close) continue;
-    if (one.rests)
-      limits.push_back({k, one.side});
-    else
-      psi[k] = 0;
-  }
-  for (PetscInt k = 0; k < c.count; ++k) {
-    if (scene_.held(node(c, k))) continue;
-    if (c.direction[k] != 0) {
-      if (stops(c.direction[k], psi0[k], psi[k])) psi[k] = 0;
-      continue;
-    }
-    const double limit0 = limit_at(c, k, u0), limit1 = limit_at(c, k, u1);
-    for (const double side : {1., -1.})
-      if ((side > 0 || both_sides_) && arrives(side * force[k] - limit1, side * force0[k] - limit0, limit1))
-        limits.push_back({k, side});
-  }
-  if (limits.empty()) return;
-  if (N_ > 0) viscous_force(c, c.block(Cluster::next), forces_[0]);
-  for (const auto& [k, side] : limits) put_at_threshold(c, k, side, N_ > 0 ? forces_[0][std::size_t(k)] : 0);
-}
-
-// Makes the force on the node its threshold, not less by round-off, in the sum that drives it. `besides`:
-// what viscosity adds to eta.
-void ClusterSteps::put_at_threshold(Cluster& c, PetscInt k, double side, double besides) {
-  const double limit = limit_at(c, k, c.block(Cluster::next));
-  double& eta = c.column(Cluster::next, 1)[k];
-  eta = side * limit - besides;
-  for (double step = 1e-16 * limit; side * (eta + besides) < limit; step *= 2) eta += side * step;
 }
 
 }  // namespace stickslip

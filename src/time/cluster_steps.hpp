@@ -24,7 +24,6 @@ struct Cluster {
   std::size_t stride, size;  // of a column, of a block
   std::vector<double> blocks, direction, amplitude;
   std::vector<std::size_t> begins;  // of each block
-  std::vector<double> limit;        // without a state: the threshold
   // of the step under way: as it was tried first, and as it was taken, but for where it is cut
   double t0 = 0, tried = 0, dt = 0;
   // where it ends, and the next one's length
@@ -75,8 +74,7 @@ class ClusterSteps {
   PetscInt node(const Cluster& c, PetscInt k) const {
     return c.first + k < scene_.n ? c.first + k : c.first + k - scene_.n;
   }
-  double threshold(PetscInt node, double state) const;
-  double threshold_rate(PetscInt node, double state) const;
+  const StickEvents& events() const { return events_; }
 
   std::int64_t rejections = 0, evaluations = 0;
   double longest_step = std::numeric_limits<double>::infinity();
@@ -95,18 +93,17 @@ class ClusterSteps {
   double attempt(Cluster& c, double dt);
   double attempt(Cluster& c, double dt, Part nodes);
   const double* forces(Cluster& c, int block, std::size_t number);
-  double limit_at(const Cluster& c, PetscInt k, const double* u) const;
-  void find_candidates(Cluster& c, double dt);
-  stick_rule::Furthest furthest(Cluster& c, double dt, double part);
+  // Its nodes where a block has them, for their starts and stops; forces_[number] is used for the force.
+  stick_rule::StridedNodes nodes(Cluster& c, int block, std::size_t number);
+  stick_rule::Furthest furthest(Cluster& c, const stick_rule::StepOfNodes& step, double part);
   stick_rule::Found find_change(Cluster& c, double dt, double& part);
-  void snap(Cluster& c);
-  void put_at_threshold(Cluster& c, PetscInt k, double side, double besides);
 
   const Model& model_;
   const Scene& scene_;
+  StickEvents events_;
   int dof_;
   PetscInt reach_;
-  bool both_sides_, loaded_;
+  bool loaded_;
   Tolerances tolerances_;
   double unseen_, N_, K1_;
   std::unique_ptr<FusedMethod> method_;

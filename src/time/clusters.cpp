@@ -39,9 +39,9 @@ Clusters::~Clusters() = default;
 
 Clusters::Clusters(const Model& model, Plate& plate, const Tolerances& tolerances)
     : model_(model), scene_(model.scene()), plate_(plate), n_(scene_.n), reach_(scene_.order / 2),
-      dof_(model.dof()), ring_(scene_.ring()), both_sides_(scene_.friction.back_slip), halts_(halts(scene_)),
+      dof_(model.dof()), ring_(scene_.ring()), halts_(halts(scene_)),
       steps_(model, tolerances),
-      resting_(model, [this](PetscInt i, double s) { return steps_.threshold(i, s); }), psi_(n_),
+      resting_(model, steps_.events()), psi_(n_),
       direction_(n_, 0), owner_(n_, -1), coefficients_(kernel::coefficients_with(scene_, 1)),
       links_(links_along(scene_, 0, n_)), psi_rate_(model.viscous() ? n_ : 0),
       first_dt_(0.1 / wave_frequency(scene_)) {}
@@ -266,15 +266,10 @@ void Clusters::decide(PetscInt i) {
   const signed char was = direction_[i];
   direction_[i] = static_cast<signed char>(sign_of(psi_[i]));
   if (direction_[i] == 0 && !scene_.held(i)) {
-    const double state = resting_.last_state(i), limit = steps_.threshold(i, state),
-                 grows = steps_.threshold_rate(i, state), holds = force(i), rate = force_rate(i);
-    for (const int side : {1, -1}) {
-      if (side < 0 && !both_sides_) continue;
-      double excess = side * holds - limit;
-      // the sum over neighbours was taken in another order where the force was made the threshold
-      if (model_.viscous() && std::abs(excess) <= close * limit) excess = 0;
-      if (begins(excess, limit, side * rate - grows)) direction_[i] = static_cast<signed char>(side);
-    }
+    const WithSlope limit = steps_.events().moving_threshold(i, resting_.last_state(i));
+    // the sum over neighbours was taken in another order where the force was made the threshold
+    const double none = model_.viscous() ? close * limit.value : 0;
+    direction_[i] = static_cast<signed char>(steps_.events().start(force(i), force_rate(i), limit, none));
   }
   if (direction_[i] != 0 && was == 0) starts_.push_back(i);
   if (direction_[i] == 0 && was != 0) stops_.push_back(i);

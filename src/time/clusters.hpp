@@ -142,7 +142,7 @@ class Clusters : public MediumNow {
   Plate& plate_;
   PetscInt n_, reach_;
   int dof_;
-  bool ring_, both_sides_, halts_;
+  bool ring_, halts_;
   ClusterSteps steps_;
   RestingNodes resting_;
   Watcher* watcher_ = nullptr;

@@ -16,8 +16,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-RestingNodes::RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold)
-    : model_(model), scene_(model.scene()), threshold_(std::move(threshold)), dof_(model.dof()),
+RestingNodes::RestingNodes(const Model& model, const StickEvents& events)
+    : model_(model), scene_(model.scene()), events_(events), dof_(model.dof()),
       loaded_(scene_.load.varies() && !halts(scene_)), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
       since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
   for (PetscInt i = 0; i < (scene_.medium.nodes_differ() ? scene_.n : 1); ++i)
@@ -57,7 +57,7 @@ double RestingNodes::key(PetscInt i, double direction) const {
                            K0(i) * scene_.v};
     return since_[i] + release(node, {}, infinity).wait;
   }
-  const double lacks = threshold_(i, 0) - force;
+  const double lacks = events_.threshold(i, 0) - force;
   if (!(K0(i) > 0)) return infinity;
   if (!loaded_) return since_[i] + std::max(0., lacks / std::abs(K0(i) * scene_.v));
   return direction * way(since_[i]) + lacks / K0(i);
@@ -161,7 +161,7 @@ std::vector<PetscInt> RestingNodes::take_due(double t) {
     if (by_way() && !(side.time <= t)) continue;
     for (drop_old(side); !side.heap.empty(); drop_old(side)) {
       const auto [key, i] = side.heap.top();
-      const double s = state(i, t), limit = threshold_(i, s);
+      const double s = state(i, t), limit = events_.threshold(i, s);
       const double ahead =
           by_way() ? K0(i) * (key - side.direction * way(t)) : std::abs(rate(i, t)) * (key - t);
       // at once, to round-off, with the first of them

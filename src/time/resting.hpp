@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <queue>
 #include <vector>
@@ -17,10 +16,12 @@
 
 namespace stickslip {
 
+class StickEvents;
+
 class RestingNodes {
  public:
-  // threshold(node, state): the force that holds it. No node rests yet.
-  RestingNodes(const Model& model, std::function<double(PetscInt, double)> threshold);
+  // No node rests yet. `events` says the force that holds each, and outlives this.
+  RestingNodes(const Model& model, const StickEvents& events);
 
   double eta(PetscInt i, double t) const;
   double state(PetscInt i, double t) const;
@@ -107,7 +108,7 @@ class RestingNodes {
 
   const Model& model_;
   const Scene& scene_;
-  std::function<double(PetscInt, double)> threshold_;
+  const StickEvents& events_;
   int dof_;
   bool loaded_;
   std::vector<double> K0_;  // of the nodes; one where all have the same

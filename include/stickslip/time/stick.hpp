@@ -33,13 +33,13 @@
 
 namespace stickslip {
 
-namespace stick_rule {  // of one node
-struct Candidate;
+namespace stick_rule {
 struct Candidates;
 struct Furthest;
+struct NodeLimit;
+struct StepOfNodes;
 }  // namespace stick_rule
-class LoadsFrom;
-struct RestingNode;
+class StickEvents;
 
 class Stick {
  public:
@@ -97,25 +97,10 @@ class Stick {
   static double longest_rest(const Scene& scene);
 
  private:
-  double threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
-  WithSlope moving_threshold(PetscInt i, const double* u, const NormalLoad& normal) const;
-  LoadsFrom loads_from(double t) const;
-  RestingNode resting(PetscInt i, double side, double force, double rate, const double* u,
-                      const LoadsFrom& loads) const;
-  double beyond(const stick_rule::Candidate& c, const double* u, double force, double part) const;
-  NormalLoad normal_at(double part) const;
-  bool never_rests(PetscInt i) const;
-  template <class Body>
-  void for_each_side(const Body& body) const;
-  void find_candidates(Vec before, Vec after, double dt);
-  stick_rule::Furthest furthest(Vec u, double part);
-  void snap(Vec before, Vec landed, double part);
-  // A node at its threshold on that side.
-  struct Limit {
-    PetscInt node;
-    double side;
-  };
-  void put_at_threshold(Vec u, const std::vector<Limit>& limits, const NormalLoad& normal);
+  void find_candidates(Vec before, Vec after, stick_rule::StepOfNodes step);
+  stick_rule::Furthest furthest(Vec u, const stick_rule::StepOfNodes& step, double part);
+  void snap(Vec before, Vec landed, stick_rule::StepOfNodes step, double part);
+  void put_at_threshold(Vec u, const std::vector<stick_rule::NodeLimit>& limits, const NormalLoad& normal);
   // Of a viscous scene, in a Vec of this object, the one numbered so: N D2 psi of u in the place of eta.
   Vec viscous_force(Vec u, std::size_t number);
   // Likewise eta + N D2 psi, the force; nullptr where neighbours have no viscosity, and eta of u is the
@@ -123,13 +108,11 @@ class Stick {
   Vec total_force(Vec u, std::size_t number);
 
   const Model& model_;
-  bool loaded_;  // at rest the plate's velocity or the normal load varies
+  std::unique_ptr<StickEvents> events_;
   int dof_;
-  PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
-  bool both_sides_, frictionless_;      // the latter: a node of any rank has no friction
+  bool frictionless_;  // a node of any rank has no friction
   std::vector<double> direction_, was_;
-  std::vector<double> fixed_threshold_;         // the laws', without a state
-  std::vector<WithSlope> limit_, next_limit_;  // with one, of resting nodes: both ends of the step
+  std::vector<WithSlope> limit_, next_limit_;  // with a state, of resting nodes: both ends of the step
   bool all_rest_ = false;
   long changes_ = 0;
   std::vector<PetscInt> changed_;
@@ -137,7 +120,6 @@ class Stick {
   std::array<VecHandle, 4> forces_;
   std::unique_ptr<stick_rule::Candidates> candidates_;  // of the step under way
   double unseen_;                                       // see there
-  double begin_ = 0;                                    // of the step
 };
 
 }  // namespace stickslip
