@@ -8,6 +8,27 @@ namespace stickslip {
 
 using std::size_t;
 
+namespace {
+
+CycleGuess guess_of(const SmoothCycle& slide, const Scene& cell) {
+  CycleGuess guess;
+  guess.periods = 1;
+  guess.period = cell.forcing_period();
+  guess.mesh = slide.mesh;
+  guess.at = [&slide, d = size_t(slide.field->dim())](double phase, double* y) {
+    std::vector<double> there(d);
+    evaluate(Collocation::gauss5(), slide.mesh, slide.values.data(), int(d), phase, there.data());
+    unfold(*slide.field, there.data(), y);
+  };
+  return guess;
+}
+
+}  // namespace
+
+SmoothCycle forced_slide_near(const SmoothCycle& other, const Scene& cell, double tolerance) {
+  return solve_cycle(cell, guess_of(other, cell), tolerance);
+}
+
 SmoothCycle forced_slide(const Scene& cell, double tolerance) {
   constexpr int intervals = 12;
   constexpr double least_step = 1. / 64, rough = 1e-4;  // what is only on the way need not be known well
@@ -30,12 +51,7 @@ SmoothCycle forced_slide(const Scene& cell, double tolerance) {
       continue;
     }
     grown += step;
-    guess.mesh = found.mesh;
-    guess.at = [&found, d = size_t(found.field->dim())](double phase, double* y) {
-      std::vector<double> there(d);
-      evaluate(Collocation::gauss5(), found.mesh, found.values.data(), int(d), phase, there.data());
-      unfold(*found.field, there.data(), y);
-    };
+    guess = guess_of(found, cell);
   }
   return found;
 }

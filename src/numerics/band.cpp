@@ -42,7 +42,7 @@ void BandLU::reset(std::size_t n, int lower, int upper) {
 }
 
 LogDet BandLU::factor() {
-  double largest = std::numeric_limits<double>::min();
+  double largest = 1e-84;  // of zeros alone: so that a solution still has a square
   for (const Complex& x : a_) largest = std::max(largest, size(x));
   const int n = int(n_);
   int info = 0;

@@ -48,6 +48,35 @@ inline std::vector<Bracket> zero_runs(const std::vector<Sample>& samples) {
   return runs;
 }
 
+// The runs of several samples that are zero, up to where f ceases to be; samples right beyond those places
+// are added, since f may change its sign before the next one.
+template <class F>
+std::vector<Bracket> zero_stretches(F&& f, std::vector<Sample>& samples) {
+  constexpr double near = 1e-6;
+  const auto zero = [&](double x) { return f(x) == 0; };
+  const auto in_order = [](const Sample& a, const Sample& b) { return a.x < b.x; };
+  std::vector<Sample> beyond;
+  // The end of a run on the way from its last sample to the next one.
+  const auto end_of = [&](double last, double next) {
+    constexpr double part = 1. / 64;
+    const double end = last_place(zero, last, next, near), x = end + part * (next - end);
+    beyond.push_back({x, f(x)});
+    return end;
+  };
+  std::vector<Bracket> stretches;
+  for (Bracket run : zero_runs(samples)) {
+    if (run.a == run.b) continue;
+    const auto first = std::lower_bound(samples.begin(), samples.end(), Sample{run.a, 0}, in_order),
+               behind = std::upper_bound(samples.begin(), samples.end(), Sample{run.b, 0}, in_order);
+    if (first != samples.begin()) run.a = end_of(run.a, std::prev(first)->x);
+    if (behind != samples.end()) run.b = end_of(run.b, behind->x);
+    stretches.push_back(run);
+  }
+  samples.insert(samples.end(), beyond.begin(), beyond.end());
+  std::sort(samples.begin(), samples.end(), in_order);
+  return stretches;
+}
+
 // Of the zeros that samples show, in order; a sample that is zero is a bracket without width.
 inline std::vector<Bracket> brackets_of(const std::vector<Sample>& samples) {
   std::vector<Bracket> found;

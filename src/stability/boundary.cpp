@@ -45,10 +45,9 @@ void note_stuck(const std::string& line, const std::string& why, const std::vect
 
 void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes) {
   for (const Bracket& run : zero)
-    if (run.a < run.b)
-      notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there", axis.name,
-                                  number_text(axis.value(run.a)), number_text(axis.value(run.b)),
-                                  stability_word(0)));
+    notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there", axis.name,
+                                number_text(axis.value(run.a)), number_text(axis.value(run.b)),
+                                stability_word(0)));
 }
 
 namespace {
@@ -115,7 +114,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
   mend_ends(growth, samples);  // a threshold law at v = 0
 
-  note_zero_growth(growth.axes()[0], zero_runs(samples), findings.notes);
+  note_zero_growth(growth.axes()[0], zero_stretches(growth, samples), findings.notes);
   const std::vector<Bracket> brackets = brackets_of(with_touching_zeros(growth, samples));
   const auto changes =
       std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });

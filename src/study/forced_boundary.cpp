@@ -1,5 +1,7 @@
 #include "study/forced_boundary.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -21,17 +23,20 @@ Waves waves_of(const Scene& scene) {
   return scene.form == Form::chain ? grid : Waves::of_continuum(scene, grid.resolved(scene).count);
 }
 
+// What has the slide: one node stands for all where they are alike.
+bool stands_for_all(const Scene& scene) { return scene.nodes_alike() && !scene.any_held(); }
+Scene cell_of(const Scene& scene) { return stands_for_all(scene) ? one_node_of(scene) : scene; }
+
 }  // namespace
 
-SlideStability stability_of_slide(const Scene& scene) {
-  const bool alike = scene.nodes_alike() && !scene.any_held();
-  const SmoothCycle slide = forced_slide(alike ? one_node_of(scene) : scene);
+SlideStability stability_of_slide(const Scene& scene, const SmoothCycle& slide) {
+  constexpr double round_off = 1e-12;  // of a multiplier
   SlideStability out;
   out.least = least_along(slide.cycle, scene.v);
   out.period = slide.cycle.period;
   out.residual = slide.cycle.residual;
   out.multiplier = slide.cycle.multipliers.front();
-  if (alike && scene.n > 1 && scene.K1() > 0) {
+  if (stands_for_all(scene) && scene.n > 1 && scene.K1() > 0) {
     constexpr std::int64_t all_of_first = 100, part = 50;
     const Waves waves = waves_of(scene);
     Deviations deviations(slide);
@@ -43,17 +48,60 @@ SlideStability stability_of_slide(const Scene& scene) {
       out.wavenumber = waves.k(j);
     }
   }
-  out.growth = std::log(std::abs(out.multiplier)) / out.period;
+  const double turns = std::log(std::abs(out.multiplier));
+  out.growth = std::abs(turns) <= round_off + slide.cycle.error_estimate ? 0 : turns / out.period;
   return out;
+}
+
+Scene ForcedBoundary::scene_of(double x, double y) const {
+  return scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+}
+
+// From the nearest slide that was found before, in steps along the straight line to the place.
+SmoothCycle ForcedBoundary::led_to(double x, double y) const {
+  constexpr double least_step = 1. / 8;
+  const auto away = [&](const auto& slide) {
+    return std::hypot(slide.first.first - x, slide.first.second - y);
+  };
+  const auto nearest = std::min_element(slides_.begin(), slides_.end(), [&](const auto& a, const auto& b) {
+    return away(a) < away(b);
+  });
+  const auto [from_x, from_y] = nearest->first;
+  SmoothCycle slide = nearest->second;
+  for (double passed = 0, step = 1; passed < 1;) {
+    const double part = std::min(1., passed + step);
+    try {
+      slide = forced_slide_near(slide,
+                                cell_of(scene_of(from_x + part * (x - from_x), from_y + part * (y - from_y))));
+    } catch (const Failure&) {
+      if ((step /= 2) < least_step) throw;
+      continue;
+    }
+    passed = part;
+  }
+  return slide;
+}
+
+SmoothCycle ForcedBoundary::slide_at(double x, double y) {
+  constexpr std::size_t kept = 100;
+  SmoothCycle slide;
+  try {
+    slide = forced_slide(cell_of(scene_of(x, y)));
+  } catch (const Failure&) {
+    if (slides_.empty()) throw;
+    slide = led_to(x, y);
+  }
+  if (slides_.size() < kept) slides_.emplace(std::make_pair(x, y), slide);
+  return slide;
 }
 
 bool ForcedBoundary::look(double x, double y) {
   ++evaluations_;
   if (each_) each_();
-  const Scene scene = scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+  const Scene scene = scene_of(x, y);
   sticks_ = scene.friction.sticks();
   try {
-    seen_ = stability_of_slide(scene);
+    seen_ = stability_of_slide(scene, slide_at(x, y));
   } catch (const Error& failure) {
     why_not_ = failure.what();
     return false;
@@ -84,6 +132,28 @@ Crossing ForcedBoundary::crossing(double x, double y) {
   return c;
 }
 
+// Parts of the first axis where no slide is found, each from where one was seen last to where one is again.
+void ForcedBoundary::note_lost(const std::vector<Sample>& samples, std::vector<std::string>& notes) {
+  constexpr double near = 1. / 64;  // what looks for a slide in vain is slow
+  std::string why;
+  const auto there = [&](double x) {
+    const bool lost = std::isnan((*this)(x));
+    if (lost) why = why_not_;
+    return !lost;
+  };
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    if (!std::isnan(samples[k].f)) continue;
+    const std::size_t first = k;
+    while (k + 1 < samples.size() && std::isnan(samples[k + 1].f)) ++k;
+    why.clear();
+    if (there(samples[first].x)) continue;  // from what was found since
+    const double begin = first == 0 ? 0 : last_place(there, samples[first - 1].x, samples[first].x, near);
+    const double end = k + 1 == samples.size() ? 1 : last_place(there, samples[k + 1].x, samples[k].x, near);
+    notes.push_back(fmt::format("no slide under the load from {} {} to {}: {}", axes_[0].name,
+                                number_text(axes_[0].value(begin)), number_text(axes_[0].value(end)), why));
+  }
+}
+
 // Where psi comes to 0 while nothing grows.
 void ForcedBoundary::add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found) {
   for (const Bracket& bracket : brackets_of(least_at)) {
@@ -109,13 +179,16 @@ std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
   };
   std::vector<Sample> samples = samples_of_unit(growth, pieces);
   mend_ends(growth, samples);  // an end without a sine
+  for (std::size_t k = samples.size() - 1; k-- > 0;)  // from the slide behind it
+    if (std::isnan(samples[k].f) && !std::isnan(samples[k + 1].f)) samples[k].f = growth(samples[k].x);
   std::vector<Sample> least_at;
   findings.samples.side = pieces + 1;
   for (const Sample& sample : samples) {
     findings.samples.growth.push_back(sample.f);
     least_at.push_back({sample.x, least_seen[sample.x]});
   }
-  note_zero_growth(axes_[0], zero_runs(samples), findings.notes);
+  note_zero_growth(axes_[0], zero_stretches(*this, samples), findings.notes);
+  note_lost(samples, findings.notes);
   std::vector<Crossing> found;
   for (const Bracket& bracket : brackets_of(with_touching_zeros(*this, samples))) {
     const double at = find_root(*this, bracket, 1e-13);

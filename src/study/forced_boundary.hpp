@@ -9,16 +9,20 @@
 
 #include <complex>
 #include <functional>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "numerics/sampled_zeros.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/stability/boundary.hpp"
 
 namespace stickslip {
 
 struct SlideStability {
-  double growth = 0;                    // largest, ln|multiplier| over the period, 1/time
+  // largest, ln|multiplier| over the period, 1/time; 0 where that lies within its error of it
+  double growth = 0;
   std::complex<double> multiplier = 0;  // that has it
   double wavenumber = 0;                // of the wave that has it; 0: all nodes alike, or nodes that are not
   double least = 0;                     // psi along v: positive where nothing stops
@@ -28,7 +32,7 @@ struct SlideStability {
 // Of uniform deviations and every wave that fits the scene, as far as its grid resolves them (of the first
 // hundred all, further on every fiftieth part); of nodes that are not alike, of the whole scene. Throws
 // Failure where it has no slide.
-SlideStability stability_of_slide(const Scene& scene);
+SlideStability stability_of_slide(const Scene& scene, const SmoothCycle& slide);
 
 class ForcedBoundary {
  public:
@@ -51,6 +55,10 @@ class ForcedBoundary {
   // psi along v where it is least; NaN where the slide is lost.
   double least(double x);
   bool look(double x, double y);  // fills seen_; whether there is a slide
+  Scene scene_of(double x, double y) const;
+  SmoothCycle slide_at(double x, double y);  // throws Failure where none is found
+  SmoothCycle led_to(double x, double y) const;
+  void note_lost(const std::vector<Sample>& samples, std::vector<std::string>& notes);
   Crossing crossing(double x, double y);
   void add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found);
 
@@ -59,6 +67,8 @@ class ForcedBoundary {
   SlideStability seen_;
   bool sticks_ = false;
   std::string why_not_;
+  // Slides that were found, by their places on the first axis and the second: what others begin from.
+  std::map<std::pair<double, double>, SmoothCycle> slides_;
   long evaluations_ = 0;
   std::function<void()> each_;
 };

@@ -62,6 +62,17 @@ def test_the_amplitude_beyond_which_sliding_is_lost():
         check((reached > share * a) == (share > 1), f"from {share} of the amplitude to {reached / a} of it")
 
 
+@pytest.mark.parametrize("law", ("cubic -boundary_parameter model_v", "carlson-langer -model_zeta 0.3 -model_v 0.42 -friction_sigma 0.17 "
+                                 "-boundary_parameter friction_alpha", "stribeck -model_v 0.8 -boundary_parameter model_zeta"))
+def test_a_block_with_a_profile_of_one_value_is_the_block(law):
+    # its matrix at the eigenvalue is zero, and not only singular, wherever the round-off has it
+    for k0 in (0.31, 0.65, 1.1, 1.7):
+        scene = f"{BLOCK}-friction_law {law} -model_k0 {k0} -boundary_from 0.02 -boundary_to 3 -boundary_of sliding "
+        alone, profile = (run(scene + more, command="boundary")[0]["points"] for more in ("", "-friction_amplitude_profile 0:1"))
+        assert alone and [p["criticality"] for p in alone] == [p["criticality"] for p in profile], profile
+        np.testing.assert_allclose([p["lyapunov_coefficient"] for p in profile], [p["lyapunov_coefficient"] for p in alone], rtol=1e-10)
+
+
 def test_a_curve_with_a_bautin_point():
     found, _ = run(scene_file("bautin") + " -boundary_points 12 -boundary_of sliding", command="boundary")
     check([p["kind"] for p in found["special"]] == ["bautin"], found["special"])

@@ -267,6 +267,30 @@ def test_where_a_slide_under_a_normal_load_ends(tmp_path, monkeypatch):
     assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-6
 
 
+def test_a_slide_that_only_its_neighbours_lead_to():
+    """Beyond a period of 17.26 the slide is not reached by making the load grow; on the way from shorter periods it is, and there it
+    becomes stable, by SciPy's matrix too."""
+    blocks = (f"{CHAIN}-grid_n 3 -bc_left free -model_k0 0.177994 -model_f0 0.644167 -model_m_profile 0:2.10215,1:2.30611,2:2.38143 "
+              "-model_zeta_profile 0:0.0568,1:0.02956,2:0.02878 -model_k1_profile 0.5:0.09061,1.5:0.13259 -friction_amplitude_profile "
+              "0:0.79044,1:1.14372,2:0.91727 -friction_law coulomb -friction_fs 1 -friction_fd 0.65766 -friction_stick regularised "
+              "-friction_eps 0.100136 -friction_slip_velocity 0.38232 -model_v 0.592452 -load_force_sine_amplitude 0.24897 ")
+    found, _ = run(blocks + "-boundary_parameter load_force_sine_period -boundary_from 16 -boundary_to 18", command="boundary")
+    (point,) = found["points"]
+    assert point["kind"] == "torus" and abs(point["value"] - 17.2714) < 1e-3 and not found["notes"]
+    _, matrix = slide(System(blocks + f"-load_force_sine_period {point['value']!r}"), point["value"])
+    assert abs(np.abs(np.linalg.eigvals(matrix)).max() - 1) < 1e-5
+
+
+def test_a_rate_within_its_error_of_zero_is_no_sign():
+    """Dahl's bristles without damping lose nothing on a slide that only pulls them forward: every multiplier has modulus 1, and no place is
+    one where that changes."""
+    found, _ = run(f"{CHAIN}-grid_n 1 -bc_left free -model_m .35 -model_k0 .9 -model_zeta 0 -friction_law dahl -friction_fc .5 "
+                   "-friction_sigma0 26 -model_v 1.4 -load_force_sine_period 6.7 -boundary_parameter load_force_sine_amplitude "
+                   "-boundary_from 0.1 -boundary_to 0.6", code=1, command="boundary")
+    assert not found["points"] and found["reason"].endswith("its growth rate is 0")
+    assert found["notes"][0].startswith("the growth rate is 0 from load_force_sine_amplitude 0.1 to 0.6"), found["notes"]
+
+
 @pytest.mark.parametrize("of, to", (("load_normal_sine", 0.2), ("load_force_sine", 0.6)))
 def test_doubling_under_other_sines(tmp_path, monkeypatch, of, to):
     """A branch of cycles and `boundary` find one doubling."""

@@ -46,7 +46,7 @@ std::string place_text(const std::vector<Axis>& axes, double x, double y);
 // A note for each end of a line where no way on was found.
 void note_stuck(const std::string& line, const std::string& why, const std::vector<Axis>& axes,
                 const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes);
-// A note for each interval of `zero` (not those without width), along which nothing grows or decays.
+// A note for each interval of `zero`, along which nothing grows or decays.
 void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes);
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least
