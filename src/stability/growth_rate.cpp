@@ -40,8 +40,16 @@ std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) con
   }
 }
 
+// Friction that is flat over a part of the range differs elsewhere.
 bool GrowthRate::enters() const {
-  const auto a = linearised(0.2, 0), b = linearised(0.6, 0);
+  constexpr int places = 32;
+  for (int k = 1; k <= places; ++k)
+    if (differs(double(k - 1) / places, double(k) / places)) return true;
+  return false;
+}
+
+bool GrowthRate::differs(double x, double other) const {
+  const auto a = linearised(x, 0), b = linearised(other, 0);
   if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->N != b->N ||
       a->scene.h() != b->scene.h())
     return true;

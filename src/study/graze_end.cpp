@@ -21,11 +21,18 @@ namespace stickslip {
 namespace {
 
 constexpr double beside = 1e-4;      // of the box: where it is asked what lives on either side of an end
+constexpr double apart = 1e-12;      // places that are nearer to each other than that are one
 constexpr double near_graze = 1e-3;  // distance over the scale of a slip of a place near a graze
 constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
 constexpr double grazes = 1e-6;      // distance from grazing, over the scale of a slip, of an end by grazing
 constexpr double near_fold = 1e-6;   // of the box: from where a fold is placed by its multiplier
 constexpr double to_follow = 1e-8;   // error of a step while a line is followed, not of its points
+
+// How far it is from x in [0, 1] to the end that lies in this direction.
+double to_border(double x, double direction) {
+  if (direction == 0) return std::numeric_limits<double>::infinity();
+  return std::max(0., direction > 0 ? (1 - x) / direction : x / -direction);
+}
 
 }  // namespace
 
@@ -136,13 +143,15 @@ bool GrazeEnd::lives(double x, double y) {
   return fate == Fate::repeats || fate == Fate::wanders;
 }
 
-// Whether it lives on one side of a place alone; empty where a side lies outside of the box.
+// Whether it lives on one side of a place alone; empty for a place on the border of the box.
 std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny) {
   std::string found[2];
   bool lives[2] = {false, false};
   for (const int side : {0, 1}) {
-    const double off = side == 0 ? -beside : beside, x = c.x + off * nx, y = c.y + off * ny;
-    if (x < 0 || x > 1 || y < 0 || y > 1) return std::nullopt;
+    const double turn = side == 0 ? -1 : 1,
+                 away = std::min({beside, to_border(c.x, turn * nx), to_border(c.y, turn * ny)});
+    if (!(away > apart)) return std::nullopt;
+    const double off = turn * away, x = c.x + off * nx, y = c.y + off * ny;
     const StickFate fate = uniform_stick_fate(scene(x, y));
     found[side] = to_string(fate.fate);
     lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
@@ -231,7 +240,7 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
       continue;
     }
     Crossing end = crossing(root, 0, 1, 0);
-    if (ends_at(end, 1, 0).value_or(true))
+    if (ends_at(end, 1, 0).value_or(end.residual <= grazes * scales_of(scene(end.x, 0)).slip.psi))
       found.push_back(std::move(end));
     else
       other_shapes = true;

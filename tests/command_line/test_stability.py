@@ -81,6 +81,14 @@ def test_boundary_refuses(words, code, part):
     refused("-grid_n 32 -boundary_from 0.5 -boundary_to 2 " + words, code, part, command="boundary")
 
 
+def test_a_curve_that_is_flat_over_most_of_the_range_has_its_point():
+    # a brake, in its own units: friction falls up to 2 m/s and is flat from there on
+    found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_k0 4e4 -model_f0 1e3 -model_zeta 20 -friction_law table -friction_table "
+                   "0:0.5,0.5:0.45,1:0.4,2:0.35,5:0.35 -boundary_parameter model_v -boundary_from 0.01 -boundary_to 50 -boundary_of sliding",
+                   command="boundary")
+    check([p["kind"] for p in found["points"]] == ["hopf"] and 1 < found["points"][0]["value"] < 2, found["points"])
+
+
 def test_a_growth_rate_that_is_zero_throughout_has_no_boundary():
     # Neighbours with viscosity but no spring: short waves neither grow nor decay, at any velocity.
     words = ("-grid_n 32 -friction_stick regularised -friction_law coulomb -model_nu 2 -model_c 0 -bc_left free "

@@ -142,6 +142,7 @@ class GrowthRate {
     std::vector<FollowedMode> found;
   };
   std::optional<LinearisedOperator> linearised(double x, double y) const;
+  bool differs(double x, double other) const;  // the operator, between two places of the first axis
   // the answer without a grid, where there is one
   std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;
   bool all_known(const LinearisedOperator& J) const;
