@@ -256,7 +256,7 @@ TEST_CASE("a long step of backward Euler finds a root that the motion does not l
     const Model model(PETSC_COMM_WORLD, s);
     VecHandle u = uniform(model, psi0, eta0);
     Integrator integrator(model, MethodSpec::from(given.options), u);
-    warn_of_fixed_steps(model, integrator, u, 3 * dt);
+    warn_of_steps(model, integrator, u, 3 * dt);
     integrator.advance(u, 0, 3 * dt, [](const Integrator::Step& step) {
       return step.t < 0.9 - 1e-9 ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
     });
@@ -289,7 +289,7 @@ TEST_CASE("orders fall where friction is stiff, and it is told", "[limits][seria
     const Model model(PETSC_COMM_WORLD, s);
     VecHandle u = uniform(model, 2, 0.65);
     Integrator integrator(model, MethodSpec::from(given.options), u);
-    warn_of_fixed_steps(model, integrator, u, 80);
+    warn_of_steps(model, integrator, u, 80);
     integrator.advance(u, 0, 80, nullptr);
     return first_psi(u);
   };

@@ -73,7 +73,7 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
     return next == times.end() ? std::numeric_limits<double>::infinity() : *next;
   });
   std::size_t next = 0;
-  warn_of_fixed_steps(model, integrator, s.end, until);
+  warn_of_steps(model, integrator, s.end, until);
   s.report = integrator.advance(s.end, 0, until, [&](const Integrator::Step& step) {
     for (; next < times.size() && times[next] <= step.t; ++next) step.interpolate(times[next], s.dense[next]);
     return Integrator::Verdict::go_on;
@@ -332,7 +332,7 @@ TEST_CASE("a step beyond the stability limit is told before it explodes") {
     SS_TRY(VecRestoreArray(u, &a));
     const std::size_t before = warnings().size();
     const Integrator integrator(model, MethodSpec::from(given.options), u);
-    warn_of_fixed_steps(model, integrator, u, 400);
+    warn_of_steps(model, integrator, u, 400);
     const std::string mark = "which is about ";
     for (std::size_t i = before; i < warnings().size(); ++i)
       if (const std::size_t at = warnings()[i].find(mark); at != std::string::npos)

@@ -54,7 +54,8 @@ bool Idling::at(double t, const std::vector<PetscInt>& changed, double same) {
 void Idling::end(double t, int changes) const {
   if (changes <= most_changes)
     throw Failure("time stands still: " + std::to_string(idle_) +
-                  " steps have come no further than t = " + number_text(t));
+                  " steps have come no further than t = " + number_text(t) +
+                  ", and no node starts or stops in them");
   std::vector<PetscInt> own;
   for (const auto& [node, times] : changes_)
     if (times > most_changes / 2) own.push_back(node);

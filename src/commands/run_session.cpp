@@ -409,7 +409,7 @@ int Run::advance(Summary& summary) {
 void Run::advance_whole(Progress& progress) {
   const double t_end = options_.real("ts_max_time");
   step_audit_ = std::make_unique<StepAudit>(problem_.model, options_, *integrator_, origin_.t, t_end);
-  warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
+  warn_of_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
   const double begin = spent();
   double watching = 0;
   std::vector<Observer*> observers = {step_audit_.get()};

@@ -81,7 +81,7 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
     Regime regime(model, t_end, steady_velocity(model.scene()));
     try {
       Integrator integrator(model, method, u, prefix);
-      warn_of_fixed_steps(model, integrator, u, t_end);
+      warn_of_steps(model, integrator, u, t_end);
       StepAudit audit(model, options, integrator, 0, t_end);
       const std::vector<Observer*> observers = {&audit, &regime, outcome.record.get()};
       simulate(integrator, u, {0, t_end}, observers, [&](const Integrator::Step& step) {

@@ -15,6 +15,7 @@
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
+#include "time/choice.hpp"
 #include "time/fused_methods.hpp"
 
 namespace stickslip {
@@ -461,10 +462,23 @@ void warn_of_order_reduction(const Model& model, const Integrator& integrator, d
         rate, dt * rate, number_text(dt), method.name(), method.order));
 }
 
+// A method that the user named: the choice goes by the same count (time/choice.hpp).
+void warn_of_recovery(const Model& model, const Integrator& integrator) {
+  constexpr double many = 1e5, turns_a_step = 3;
+  if (integrator.report().implicit == Implicit::both) return;
+  const double turns = turns_in_recovery(model);
+  if (turns > many)
+    warn(fmt::format(
+        "{}: a slip loses so much friction that deviations die away or turn {:.1g} times while the state "
+        "recovers from it, and explicit steps are no longer than about {} of these times: {:.1g} steps for "
+        "each slip; take ts_type arkimex with imex_implicit both, the method chosen where none is named",
+        integrator.method().name(), turns, turns_a_step, turns / turns_a_step));
+}
+
 }  // namespace
 
-void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
-  if (integrator.adaptive()) return;
+void warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
+  if (integrator.adaptive()) return warn_of_recovery(model, integrator);
   double dt;
   SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
   if (dt >= duration) return;

@@ -110,7 +110,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
       measured->plan(plan);
       integrator->set_output_times([plan](double t) { return plan.next_time(t); });
     }
-    warn_of_fixed_steps(model, *integrator, u, t_end);
+    warn_of_steps(model, *integrator, u, t_end);
     simulate(*integrator, u, {0, t_end, max_steps}, observers, [&](const Integrator::Step& step) {
       if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
       const double now = spent();

@@ -95,44 +95,6 @@ void fit_normal_load(Choice& choice, const std::string& name) {
   choice.fused = false;
 }
 
-// How often a deviation of what is explicit dies away, or turns, while the state recovers from a slip. Where
-// friction that bends at rest (asinh) has been lost in the slip, all the way down to the bend, psi is back at
-// v at once, against B alone, and the state takes until it has slipped by D at that velocity or has aged: at
-// each of its values on the way deviations go at K1 kappa^2/(B + F_psi), without mass (K0 + K1 kappa^2)/(B +
-// F_psi), and no faster than waves, and explicit steps are no longer than about three of these times. At most
-// so often: in the slip B psi, and what a spring gives to a mass, take over all that friction loses.
-// Collective.
-double turns_in_recovery(const Model& model) {
-  const Scene& s = model.scene();
-  if (!model.friction_law(0).steep || model.dof() != 3 || s.v == 0) return 0;
-  const bool alike = !s.friction.varies() && !s.medium.varies();
-  const PetscInt places = alike ? std::min<PetscInt>(model.local(), 1) : model.local();
-  const double wave = model.wave_frequency();
-  double most = 0;
-  for (PetscInt i = 0; i < places; ++i) {
-    const NodeCoefficients c = model.coefficients(i);
-    const double creeping = model.steady_state(i, s.v);
-    const Partials before = model.friction(i, s.v, creeping);
-    const double resistance = c.B + (s.massless() ? 0 : std::sqrt(c.K0 / c.A));
-    if (!(resistance > 0)) continue;
-    double slip = before.F / resistance;
-    for (int round = 0; round < 50; ++round)
-      slip = (before.F - model.friction(i, slip, model.steady_state(i, slip)).F) / resistance;
-    if (!(slip / s.v > 1)) continue;
-    constexpr int parts = 200;  // of the way of ln of the state, up to a factor of e
-    const double from = model.steady_state(i, slip), part = (creeping - 1 - from) / parts;
-    const double pull = s.massless() ? wave * (c.B + before.F_psi) : wave * wave / c.A - c.K0;
-    double turns = 0;
-    for (int k = 0; k < parts && part > 0; ++k) {
-      const double state = from + (k + 0.5) * part, rate = model.state_rate(i, s.v, state).g;
-      const double slide = pull / (c.B + model.friction(i, s.v, state).F_psi);
-      if (rate > 0) turns += part / rate * (s.massless() ? slide : std::min(slide, wave));
-    }
-    most = std::max(most, turns);
-  }
-  return largest_over(model.comm(), most);
-}
-
 // Without mass what is fast is how short deviations die away, where their blocks slide.
 Rates massless_rates(const Model& model, Vec u) {
   const Scene& s = model.scene();
@@ -262,6 +224,37 @@ Rates rates_of(const Model& model, Vec u) {
   const bool creeps = model.friction_law(0).steep;
   return {wave, friction, creeps || friction > 12 * std::max(wave, accurate_rate(model)),
           has_stiff_wave(model, wave, friction, usual_tolerance), scales_of(model.scene()).rate};
+}
+
+double turns_in_recovery(const Model& model) {
+  const Scene& s = model.scene();
+  if (!model.friction_law(0).steep || model.dof() != 3 || s.v == 0) return 0;
+  const bool alike = !s.friction.varies() && !s.medium.varies();
+  const PetscInt places = alike ? std::min<PetscInt>(model.local(), 1) : model.local();
+  const double wave = model.wave_frequency();
+  double most = 0;
+  for (PetscInt i = 0; i < places; ++i) {
+    const NodeCoefficients c = model.coefficients(i);
+    const double creeping = model.steady_state(i, s.v);
+    const Partials before = model.friction(i, s.v, creeping);
+    const double resistance = c.B + (s.massless() ? 0 : std::sqrt(c.K0 / c.A));
+    if (!(resistance > 0)) continue;
+    double slip = before.F / resistance;
+    for (int round = 0; round < 50; ++round)
+      slip = (before.F - model.friction(i, slip, model.steady_state(i, slip)).F) / resistance;
+    if (!(slip / s.v > 1)) continue;
+    constexpr int parts = 200;  // of the way of ln of the state, up to a factor of e
+    const double from = model.steady_state(i, slip), part = (creeping - 1 - from) / parts;
+    const double pull = s.massless() ? wave * (c.B + before.F_psi) : wave * wave / c.A - c.K0;
+    double turns = 0;
+    for (int k = 0; k < parts && part > 0; ++k) {
+      const double state = from + (k + 0.5) * part, rate = model.state_rate(i, s.v, state).g;
+      const double slide = pull / (c.B + model.friction(i, s.v, state).F_psi);
+      if (rate > 0) turns += part / rate * (s.massless() ? slide : std::min(slide, wave));
+    }
+    most = std::max(most, turns);
+  }
+  return largest_over(model.comm(), most);
 }
 
 Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec,

@@ -22,6 +22,15 @@ struct Choice {
 Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& spec,
                      const std::string& prefix);
 
+// How often a deviation of what is explicit dies away, or turns, while the state recovers from a slip. Where
+// friction that bends at rest (asinh) has been lost in the slip, all the way down to the bend, psi is back at
+// v at once, against B alone, and the state takes until it has slipped by D at that velocity or has aged: at
+// each of its values on the way deviations go at K1 kappa^2/(B + F_psi), without mass (K0 + K1 kappa^2)/(B +
+// F_psi), and no faster than waves, and explicit steps are no longer than about three of these times. At most
+// so often: in the slip B psi, and what a spring gives to a mass, take over all that friction loses.
+// Collective.
+double turns_in_recovery(const Model& model);
+
 // Whether PETSc's database holds the option (without the dash) behind the prefix.
 bool user_set(const std::string& prefix, const std::string& option);
 

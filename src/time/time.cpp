@@ -189,8 +189,11 @@ void Integrator::Impl::check_floor(const Step& step) {
   if (!at_floor || (least > floor && steps_at_floor < most)) return;
   advance.report.t = advance.t_before;
   if (least > floor)
-    throw failure("the step has shrunk to nothing at t = {} (step {}); loosen ts_rtol and ts_atol",
-                  number_text(step.t), step.index);
+    throw failure(
+        "the step has shrunk to nothing at t = {} (step {}): {} in a row are as short as the digits of the "
+        "time allow, and err by more than the tolerance; loosen ts_rtol and ts_atol, or go on from a frame "
+        "as a run of its own (init_file), whose time begins at 0",
+        number_text(step.t), step.index, most);
   throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) +
                 " at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
                 ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol" +

@@ -17,12 +17,24 @@ class Block:
         self.p, self.system = p, System(p)
         self.system.begin_piece(0)
         self.law, self.state = self.system.law, self.system.law.state != "none"
-        self.periods = [p[f"{name}_period"] for name in ("load_sine", "load_force_sine", "load_normal_sine") if f"{name}_period" in p]
-        self.step = min(self.periods) / NEAR
+        periods = [p[f"{name}_period"] for name in ("load_sine", "load_force_sine", "load_normal_sine") if f"{name}_period" in p]
+        self.points = np.array(self.system.plate.points).T
+        normal = np.array(self.system.loads.normal.points).T
+        for times in (self.points[0], normal[0]):
+            periods += list(2 * np.diff(np.unique(times)))
+        self.step = min(periods) / NEAR
+        self.normal = self.system.normal
+        if "load_normal" in p:  # through its corners
+            self.normal = self.system.normal = lambda t: np.interp(t, *normal)
+        if "load_v" in p:
+            self.system.v = lambda t: np.interp(t, *self.points)
 
     def way(self, t):
-        turn = 2 * np.pi / self.p.get("load_sine_period", 1)
-        return self.p["model_v"] * t + self.p.get("load_sine_amplitude", 0) * (1 - np.cos(turn * t)) / turn
+        turn, (times, v) = 2 * np.pi / self.p.get("load_sine_period", 1), self.points
+        begins = np.r_[0, np.cumsum(np.diff(times) * (v[1:] + v[:-1]) / 2)]
+        piece = np.maximum(np.searchsorted(times, t, "right") - 1, 0)
+        straight = begins[piece] + (t - times[piece]) * (v[piece] + np.interp(t, times, v)) / 2
+        return straight + self.p.get("load_sine_amplitude", 0) * (1 - np.cos(turn * t)) / turn
 
     def resting(self, since, eta, s):
         """The excess over the threshold on either side, as a function of time and side."""
@@ -35,7 +47,7 @@ class Block:
 
         def excess(t, side):
             force = eta + K0 * (self.way(t) - self.way(since)) + self.system.push(t)
-            return -1. if side < 0 and one_way else side * force - self.system.normal(t) * self.law.threshold(state(t))
+            return -1. if side < 0 and one_way else side * force - self.normal(t) * self.law.threshold(state(t))
         return excess, state, lambda t: eta + K0 * (self.way(t) - self.way(since))
 
     def release(self, excess, since, end):
@@ -111,7 +123,7 @@ def draw(random):
     if law == "healing":
         p |= {"state_law": "healing", "state_t_h": random.uniform(0.05, 0.2), "state_tau_inf": random.uniform(1.02, 1.1)}
     limit, period = fs * p.get("state_tau_inf", 1), random.uniform(0.5, 2)
-    kind = int(random.integers(4))
+    kind = int(random.integers(6))
     start = {"init_psi": 0., "init_eta": 0., "ts_max_time": period * 5}
     if kind == 0:  # a force
         p |= {"load_force_sine_amplitude": limit * (1 + margin), "load_force_sine_period": period}
@@ -123,9 +135,20 @@ def draw(random):
         depth = random.uniform(0.05, 0.5)
         p |= {"load_normal_sine_amplitude": depth, "load_normal_sine_period": period}
         start["init_eta"] = limit * (1 - depth) * (1 + margin)
-    else:  # a force and the normal load
+    elif kind == 3:  # a force and the normal load
         p |= {"load_force_sine_amplitude": 0.9 * limit, "load_force_sine_period": period, "load_normal_sine_amplitude": 0.1 + abs(margin),
               "load_normal_sine_period": period * float(random.choice([0.5, 1, 1.5]))}
+    else:  # a file, of the plate there and back, with corners or at once, or of the normal load
+        ends = np.r_[0, np.cumsum(period * random.uniform(0.6, 1.4, 4))]
+        depth, jumps = random.uniform(0.05, 0.5), random.random() < 0.5
+        start["init_eta"] = limit * (random.uniform(-0.5, 0.5) if kind == 4 else (1 - depth) * (1 + margin))
+        points = [] if kind == 4 and jumps else [(0., 0. if kind == 4 else 1.)]
+        for begin, end in zip(ends, ends[1:]):
+            whole = end - begin
+            v = (limit * (1 + margin) - start["init_eta"]) / p["model_k0"] / whole * (2 if jumps else 4)
+            there_and_back = ([(0, v), (0.5, v), (0.5, -v), (1, -v)] if jumps else [(0.25, v), (0.75, -v), (1, 0)])
+            points += [(begin + part * whole, value) for part, value in (there_and_back if kind == 4 else [(0.5, 1 - depth), (1, 1.)])]
+        p["load_v" if kind == 4 else "load_normal"] = ",".join(f"{t!r}:{value!r}" for t, value in points)
     if law == "slip-weakening":
         start["init_state"] = 0.
     if law == "healing":
@@ -134,10 +157,19 @@ def draw(random):
     return p, start, 10**random.uniform(-9, -5)
 
 
+def in_files(p):
+    """The options, with loads that go by points in files."""
+    files = {name: f"{name}.txt" for name in ("load_v", "load_normal") if name in p}
+    for name, path in files.items():
+        with open(path, "w", encoding="ascii") as file:
+            file.write(p[name].replace(":", " ").replace(",", "\n"))
+    return words(p | files)
+
+
 def test_shaken_blocks(scenes):
     total = 0
-    for index, (p, start, tolerance) in scenes(draw, salt=91, short=5):
-        calls.run(words(p | start) + ["-ts_rtol", tolerance, "-ts_atol", tolerance, "-out_events", "-out_file", "b.h5"])
+    for index, (p, start, tolerance) in scenes(draw, salt=91, short=8):
+        calls.run(in_files(p | start) + ["-ts_rtol", tolerance, "-ts_atol", tolerance, "-out_events", "-out_file", "b.h5"])
         found = calls.data("b.h5")
         try:
             exact = Block(p).slips(start["init_eta"], start.get("init_state", 0.), start["ts_max_time"])
@@ -159,7 +191,7 @@ def draw_for_exponents(random):
     """The same on stiffer springs, which what it slips tells, without a state; from rest to rest."""
     while True:
         p, start, _ = draw(random)
-        if p["friction_law"] == "slip-weakening" or "state_law" in p:
+        if p["friction_law"] == "slip-weakening" or {"state_law", "load_v", "load_normal"} & set(p):
             continue
         p |= {"model_k0": 10**random.uniform(-0.5, 0.7), "friction_back_slip": "true"}
         if "load_sine_period" in p:  # as far as before

@@ -124,7 +124,8 @@ def too_steep(rise, clusters):
 @pytest.mark.parametrize("clusters", ["on", "off"])
 def test_a_run_that_stands_still_ends_and_says_where(clusters):
     done = call(too_steep("1e-14", clusters))
-    check(done.returncode == 1 and "time stands still" in done.stderr and "t = 8.5149" in done.stderr, done.stderr)
+    check(done.returncode == 1 and "time stands still" in done.stderr and "t = 8.5149" in done.stderr and
+          "no node starts or stops" in done.stderr, done.stderr)
 
 
 def at_work(scenes):
