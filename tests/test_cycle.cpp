@@ -5,7 +5,7 @@
 
 #include "catch.hpp"
 #include "cycles/cell_field.hpp"
-#include "cycles/deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "cycles/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/bloch.hpp"

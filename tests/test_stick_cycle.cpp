@@ -3,7 +3,7 @@
 #include <random>
 
 #include "catch.hpp"
-#include "cycles/stick_deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"

@@ -20,6 +20,7 @@
 #include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
 #include "model/massless.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scales.hpp"
@@ -118,5 +119,16 @@ class CellField : public VectorField {
   std::vector<Held> held_;
   mutable std::vector<double> last_psi_;  // without mass: from which the next one is looked for
 };
+
+// What a solution by collocation shows: its values in the order of the scene's nodes, extrema, times of rest.
+
+// Unknowns of the field from values node by node, and back.
+std::vector<double> in_band_order(const CellField& field, const double* natural);
+void unfold(const CellField& field, const double* y, double* natural);
+
+// The motion with everything that is measured of it: times, states, psi_min to force_drop; multipliers and
+// errors are left open.
+Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const std::vector<double>& values,
+               double period);
 
 }  // namespace stickslip

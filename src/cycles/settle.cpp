@@ -10,7 +10,6 @@
 #include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
-#include "cycles/profile.hpp"
 #include "cycles/settle.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"

@@ -3,9 +3,8 @@
 #include <cmath>
 
 #include "cycles/cell_field.hpp"
-#include "cycles/deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "cycles/plane.hpp"
-#include "cycles/profile.hpp"
 #include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <map>
 
-#include "cycles/deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/forced_slide.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/stability/fastest_wave.hpp"

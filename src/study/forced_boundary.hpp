@@ -1,4 +1,4 @@
-// Where sliding under a load that repeats (cycles/forced_slide.hpp) loses stability, in one parameter or two:
+// Where sliding under a load that repeats (cycles/smooth_cycle.hpp) loses stability, in one parameter or two:
 // the zeros of its largest growth rate ln|multiplier| over one period, and with friction that sticks the
 // places where it comes to a stop.
 //

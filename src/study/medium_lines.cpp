@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "base/pulse.hpp"
-#include "cycles/deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"

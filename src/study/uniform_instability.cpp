@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cycles/deviations.hpp"
+#include "cycles/cycle_waves.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/study/reduce.hpp"

@@ -28,7 +28,7 @@ struct BlochSpectrum {
   std::vector<BlochPoint> points;  // k > 0, rising
   // The largest growth rate over the wavenumbers from the first of `points` on, those below where they grow,
   // and k = 0 but for the phase mode; the wavenumber that has it. Refined between the points: see
-  // src/cycles/wave_scan.hpp.
+  // src/cycles/bloch.cpp.
   double growth_rate = 0, wavenumber = 0;
   std::complex<double> multiplier = 0;
   // The phase mode of a long wave grows at -diffusion k^2 + O(k^4); unit length^2/time. NaN under a load,
