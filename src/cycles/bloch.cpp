@@ -232,11 +232,11 @@ constexpr double turns_of_shortest = 100;
 
 class Waves {
  public:
-  Waves(const Cycle& cycle, const Scene& scene, const WaveMap& map)
-      : cycle_(cycle), scene_(scene), map_(map), one_node_(cycle.nodes == 1) {
-    if (!scene.ring())
+  Waves(const Cycle& cycle, CycleWaves& map)
+      : cycle_(cycle), scene_(map.scene()), map_(map), one_node_(cycle.nodes == 1) {
+    if (!scene_.ring())
       throw UsageError("cycle_spectrum: the cell's ends are not those of a ring, so that it does not repeat");
-    length_ = scene.form == Form::chain ? double(scene.n) : scene.h() * double(scene.n);
+    length_ = scene_.form == Form::chain ? double(scene_.n) : scene_.h() * double(scene_.n);
   }
   bool coupled() const { return scene_.K1() > 0; }
   double period() const { return cycle_.period; }
@@ -256,7 +256,7 @@ class Waves {
   }
   // By how much ln(multiplier) changes with k, or so: what travels does so at the speed of sound, while it is
   // not at rest.
-  double turning() const { return map_.speed * period() * std::max(1 - cycle_.rest_fraction, 0.1); }
+  double turning() const { return map_.speed() * period() * std::max(1 - cycle_.rest_fraction, 0.1); }
   // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2
   // or in k.
   double diffusion() const {
@@ -272,7 +272,7 @@ class Waves {
     };
     return -(4 * f(.01) - f(.02)) / 3 * length_ * length_;
   }
-  double short_waves() const { return continuum_node() ? map_.short_waves : std::nan(""); }
+  double short_waves() const { return continuum_node() ? map_.short_waves() : std::nan(""); }
 
  private:
   double phase_growth(const Multipliers& m) const {
@@ -281,7 +281,7 @@ class Waves {
 
   const Cycle& cycle_;
   const Scene& scene_;
-  const WaveMap& map_;
+  CycleWaves& map_;
   bool one_node_;
   double length_;
 };
@@ -315,10 +315,8 @@ std::vector<BlochPoint> evenly(const Waves& waves, int wavenumbers) {
   return points;
 }
 
-}  // namespace
-
-BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& map, int wavenumbers) {
-  const Waves waves(cycle, cell, map);
+BlochSpectrum spectrum_of(const Cycle& cycle, CycleWaves& map, int wavenumbers) {
+  const Waves waves(cycle, map);
   BlochSpectrum out;
   out.largest_at_zero = out.growth_rate = growth_rate(cycle);
   if (cycle.multipliers.size() > 1) out.multiplier = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
@@ -356,39 +354,17 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   return out;
 }
 
-namespace {
-
-// Half the mean damping; with viscosity between neighbours, which damps psi ever faster, K1/N or what a state
-// keeps, whose mean rate is what psi and eta leave of the exponents' sum.
-double growth_of_short_waves(const SmoothCycle& cycle, const Deviations& deviations) {
-  const Scene& scene = cycle.field->scene();
-  if (scene.N() == 0) return -deviations.mean_damping() / 2;
-  double growth = -scene.K1() / scene.N(), sum = 0;
-  for (const auto& m : cycle.cycle.multipliers) sum += std::log(std::abs(m)) / cycle.cycle.period;
-  if (cycle.cycle.dof == 3) growth = std::max(growth, sum + deviations.mean_damping());
-  return growth;
-}
-
 }  // namespace
 
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   Deviations deviations(cycle);
-  return bloch_spectrum(
-      cycle.cycle, cycle.field->scene(),
-      {[&](double kappa2) { return deviations.of_wave(kappa2); },
-       [&](double theta) { return deviations.of_phase(theta); }, growth_of_short_waves(cycle, deviations),
-       deviations.mean_speed()},
-      wavenumbers);
+  return spectrum_of(cycle.cycle, deviations, wavenumbers);
 }
 
 BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell,
                              int wavenumbers) {
   StickDeviations deviations(cell, cycle);
-  return bloch_spectrum(course, cell,
-                        {[&](double kappa2) { return deviations.of_wave(kappa2); },
-                         [&](double theta) { return deviations.of_phase(theta); }, std::nan(""),
-                         std::sqrt(cell.A() * cell.K1())},
-                        wavenumbers);
+  return spectrum_of(course, deviations, wavenumbers);
 }
 
 Watched watch_waves(const BlochSpectrum& spectrum) {

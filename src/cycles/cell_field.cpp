@@ -289,8 +289,6 @@ double CellField::speed(const double* y) const {
   return std::sqrt(scene_.K1() * most);
 }
 
-std::vector<double> CellField::weights_of_wave(double kappa2) const { return {-kappa2}; }
-
 std::vector<std::complex<double>> CellField::weights_of_phase(double theta) const {
   return phase_weights(row_, nodes_at_ends(row_), theta);
 }

@@ -75,7 +75,6 @@ class CellField : public VectorField {
   double fastest(double kappa2) const;
   double reach(double h, const std::vector<double>& slopes) const;
   double speed(const double* y) const;  // of waves at y
-  std::vector<double> weights_of_wave(double kappa2) const;
   std::vector<std::complex<double>> weights_of_phase(double theta) const;
 
  private:

@@ -27,6 +27,20 @@ constexpr double phase_error_allowed = 1e-10;
 
 }  // namespace
 
+const std::vector<IntervalPropagator>& CycleWaves::links(int halvings) {
+  const auto [found, is_new] = links_.try_emplace(halvings);
+  if (is_new) found->second = chain(halvings);
+  return found->second;
+}
+
+Multipliers CycleWaves::of_wave(double kappa2) {
+  const int halvings = std::max(0, int(std::ceil(std::log2(turn(kappa2)))));
+  return multipliers_of(unknowns(), links(halvings), std::vector<double>{-kappa2});
+}
+Multipliers CycleWaves::of_phase(double theta) {
+  return multipliers_of(unknowns(), links(0), weights_of_phase(theta));
+}
+
 size_t nearest_to_one(const Multipliers& multipliers) {
   const auto nearer = [](Complex a, Complex b) { return std::abs(a - 1.) < std::abs(b - 1.); };
   return size_t(std::min_element(multipliers.begin(), multipliers.end(), nearer) - multipliers.begin());
@@ -51,7 +65,18 @@ Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.
                        (piece.J[j * d * d] + (d > 1 ? piece.J[j * d * d + d + 1] : 0)) / cycle.cycle.period;
 }
 
-double Deviations::mean_speed() const {
+// Half the mean damping; with viscosity between neighbours, which damps psi ever faster, K1/N or what a state
+// keeps, whose mean rate is what psi and eta leave of the exponents' sum.
+double Deviations::short_waves() const {
+  if (scene().N() == 0) return -mean_damping_ / 2;
+  const Cycle& cycle = cycle_.cycle;
+  double growth = -scene().K1() / scene().N(), sum = 0;
+  for (const Complex m : cycle.multipliers) sum += std::log(std::abs(m)) / cycle.period;
+  if (cycle.dof == 3) growth = std::max(growth, sum + mean_damping_);
+  return growth;
+}
+
+double Deviations::speed() const {
   const Collocation& gauss = Collocation::gauss5();
   std::vector<double> y(size_t(field_.dim()));
   double sum = 0;
@@ -125,25 +150,16 @@ std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
   return all;
 }
 
-const std::vector<IntervalPropagator>& Deviations::links(int halvings) {
-  const auto [at, is_new] = links_.try_emplace(halvings);
-  if (!is_new) return at->second;
+double Deviations::turn(double kappa2) const { return field_.fastest(kappa2) * longest_ / turn_of_step; }
+
+std::vector<IntervalPropagator> Deviations::chain(int halvings) const {
   LowRankCoupling feed = field_.feed();
+  std::vector<IntervalPropagator> links;
   for (const StepJacobian& piece : halvings == 0 ? pieces_ : pieces(halvings)) {
     feed.by = piece.by;
-    at->second.emplace_back(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data(), feed);
+    links.emplace_back(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data(), feed);
   }
-  return at->second;
-}
-
-Multipliers Deviations::of_wave(double kappa2) {
-  const double turn = field_.fastest(kappa2) * longest_;
-  const int halvings = std::max(0, int(std::ceil(std::log2(turn / turn_of_step))));
-  return multipliers_of(field_.dim(), links(halvings), field_.weights_of_wave(kappa2));
-}
-
-Multipliers Deviations::of_phase(double theta) {
-  return multipliers_of(field_.dim(), links(0), field_.weights_of_phase(theta));
+  return links;
 }
 
 void set_multipliers(SmoothCycle& cycle) {
@@ -246,10 +262,8 @@ void StickDeviations::check_release(size_t node, const StickState& now) const {
         "jump in their acceleration: in a wave on them they do it one by one, in an order of its own");
 }
 
-const std::vector<IntervalPropagator>& StickDeviations::links(int halvings) {
-  const auto [found, is_new] = links_.try_emplace(halvings);
-  if (!is_new) return found->second;
-  std::vector<IntervalPropagator>& links = found->second;
+std::vector<IntervalPropagator> StickDeviations::chain(int halvings) const {
+  std::vector<IntervalPropagator> links;
   const size_t d = motion_.size();
   const double longest = std::ldexp(motion_.longest() * turn_of_step / turn_of_longest, -halvings);
   const Collocation& gauss = Collocation::gauss5();
@@ -278,17 +292,13 @@ const std::vector<IntervalPropagator>& StickDeviations::links(int halvings) {
   return links;
 }
 
-std::vector<Complex> StickDeviations::of_wave(double kappa2) {
-  const Scene& s = motion_.scene();
+double StickDeviations::turn(double kappa2) const {
+  const Scene& s = scene();
   const double own = std::sqrt(s.A() * s.K0()),
                wave = std::sqrt(std::max(0., s.A() * (s.K0() + s.K1() * kappa2)));
-  const double fastest = std::max(wave, s.A() * s.N() * std::abs(kappa2));
-  const int halvings = std::max(0, int(std::ceil(std::log2(fastest / own))));
-  return multipliers_of(int(motion_.size()), links(halvings), std::vector<double>{-kappa2});
+  return std::max(wave, s.A() * s.N() * std::abs(kappa2)) / own;
 }
-
-std::vector<Complex> StickDeviations::of_phase(double theta) {
-  return multipliers_of(int(motion_.size()), links(0), phase_weights(rows_, at_ends_, theta));
-}
+double StickDeviations::speed() const { return std::sqrt(scene().A() * scene().K1()); }
+double StickDeviations::short_waves() const { return std::nan(""); }
 
 }  // namespace stickslip

@@ -39,6 +39,11 @@ constexpr double surely = 1e-5, exactly = 1e-9;
 // near to the plate's velocity and the rest with it.
 constexpr double beside = 1e-5;
 
+// Ends the search, whatever the steps are.
+struct NoCycle : Failure {
+  explicit NoCycle(const std::string& why) : Failure("no cycle: the motion from the start " + why) {}
+};
+
 struct Sample {
   double t;
   std::vector<double> y, f;
@@ -80,11 +85,17 @@ class Motion {
       Sample now{t_, unknowns(step.u), std::vector<double>(size_t(field_.dim()))};
       for (size_t k = 0; k < field_.nodes() && std::isfinite(escape_); ++k)
         if (std::abs(field_.psi(now.y.data(), k)) > escape_)
-          throw Failure("no cycle: the motion from the start grows without bound");
+          throw NoCycle("grows without bound");
       field_.rates_at(t_ / field_.period(0).T, now.y.data(), now.f.data());
       return takes(std::move(now)) ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
     };
-    steps_->advance(u_, t_, 1e300, observer);
+    try {
+      steps_->advance(u_, t_, 1e300, observer);
+    } catch (const NoCycle&) {
+      throw;
+    } catch (const Failure& e) {
+      throw NoCycle(std::string("cannot be followed: ") + e.what());
+    }
   }
   // Goes on from y, of the unknowns.
   void set(const std::vector<double>& y) {
@@ -422,11 +433,11 @@ void Settling::check_steps() {
   const size_t bytes = sizeof(Sample) + 2 * (size_t(field_.dim()) * sizeof(double) + 16),
                most = size_t(most_memory) / bytes;
   if (samples_.size() > most)
-    throw Failure("no cycle: the motion from the start is too stiff to be followed: " + std::to_string(most) +
-                  " steps, which take " + std::to_string(size_t(most_memory) / 1000000) +
-                  " MB, are less than " + std::to_string(most_returns) + " turns");
+    throw NoCycle("is too stiff to be followed: " + std::to_string(most) + " steps, which take " +
+                  std::to_string(size_t(most_memory) / 1000000) + " MB, are less than " +
+                  std::to_string(most_returns) + " turns");
   if (++steps_ > most_steps / (1 + field_.dim() / 30.))
-    throw Failure(fmt::format("no cycle: in {:.0f} steps the motion from the start has not settled", steps_));
+    throw NoCycle(fmt::format("has not settled in {:.0f} steps", steps_));
 }
 
 bool Settling::oscillates() const {
@@ -442,12 +453,11 @@ void Settling::refuse(double nearest, int turns) const {
   const double last = psi(samples_.back(), section_);
   if (ended_) {
     const bool slides = std::abs(last) > 1e-2 * std::abs(cell_.v);
-    throw Failure("no cycle: the motion from the start " +
-                  (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(last, 2)));
+    throw NoCycle(slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(last, 2));
   }
   if (repeats_ > 0)
-    throw Failure("no cycle: the motion from the start repeats after " + number_text(repeats_) +
-                  ", but cannot be made exact: " + why_);
+    throw NoCycle("repeats after a time of " + rounded_text(repeats_, 10) +
+                  ", but no cycle can be made of it: " + why_);
   throw Failure(
       fmt::format("no cycle: in {} {} the motion from the start never repeats; its nearest return "
                   "within {} of them misses by {:.3g} of its range (chaos, or a slow transient: another "

@@ -262,7 +262,11 @@ std::vector<Change> StickMotion::change(StickState& p) const {
     nodes.push_back(i);
   }
   p.idling.at(p.t, nodes, 1e-14 * longest_);
-  if (p.count == 0) return changes;
+  if (p.count > 0) pass_jumps(was, p);
+  return changes;
+}
+
+void StickMotion::pass_jumps(const std::vector<double>& was, StickState& p) const {
   const std::vector<double> deviations(p.deviations);
   for (const Jump& jump : jumps(was, p)) {
     const int i = jump.change.node;
@@ -270,7 +274,6 @@ std::vector<Change> StickMotion::change(StickState& p) const {
       jump.matrix.apply(&p.deviations[c * size() + std::size_t(i * dof_)],
                         jump.change.before == 0 ? neighbour_force(i, &deviations[c * size()]) : 0);
   }
-  return changes;
 }
 
 std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was, const StickState& p) const {

@@ -117,6 +117,7 @@ class StickMotion {
     JumpMatrix matrix;
   };
   std::vector<Jump> jumps(const std::vector<double>& was, const StickState& p) const;
+  void pass_jumps(const std::vector<double>& was, StickState& p) const;  // of the deviations of p
 
   // How many steps with so many deviations are at most taken from change to change: steps times nodes times
   // one more than the deviations is bounded, but for 5000 steps.

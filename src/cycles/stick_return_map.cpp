@@ -38,23 +38,6 @@ std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
   return u;
 }
 
-// A deviation before the release becomes one after it, with every node that is released at once.
-void pass_release(const StickMotion& m, const StickState& p, const std::vector<double>& after,
-                  std::vector<double>& y) {
-  std::vector<double> resting(p.direction), before(m.size());
-  for (int i = 0; i < m.nodes(); ++i)
-    if (p.u[i * m.dof()] == 0) resting[i] = 0;
-  m.rates(resting, p.u.data(), before.data());
-  const std::vector<double> pulled(y);
-  for (int i = 0; i < m.nodes(); ++i) {
-    if (resting[i] != 0 || p.direction[i] == 0) continue;
-    const std::size_t at = std::size_t(i * m.dof());
-    JumpMatrix::at_start(m.dof(), p.direction[i], m.threshold_slope(i, p.u.data()), &before[at], &after[at],
-                         m.neighbour_force(i, before.data()))
-        .apply(&y[at], m.neighbour_force(i, pulled.data()));
-  }
-}
-
 }  // namespace
 
 std::vector<std::size_t> free_unknowns(const StickMotion& m, const StickCycle& c) {
@@ -137,18 +120,20 @@ StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
 
 namespace {
 
-// The map over the periods of a load.
-MapAt strobed(const StickMotion& m, const StickCycle& c, const std::vector<std::size_t>& free) {
-  StickReturnMapOptions wishes;
-  wishes.deviations.assign(free.size() * m.size(), 0.);
-  for (std::size_t j = 0; j < free.size(); ++j) wishes.deviations[j * m.size() + free[j]] = 1;
-  MapAt result{return_map_of(m, c, wishes), {}, {}};
-  for (const std::size_t k : free) {
-    result.image.push_back(result.round.at.u[k]);
-    for (std::size_t j = 0; j < free.size(); ++j)
-      result.slopes.push_back(result.round.at.deviations[j * m.size() + k]);
+// Deviations of the free unknowns, which stand before the release, go to the section and past the release of
+// every node that is released there.
+void pass_release(const StickMotion& m, const StickCycle& c, StickState& p) {
+  const std::size_t dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
+  const double slope = m.threshold_slope(c.node, p.u.data());
+  for (std::size_t j = 0; j < p.count; ++j) {
+    double* y = &p.deviations[j * m.size()];
+    y[section + 1] = (dof == 3 ? c.side * slope * y[section + 2] : 0) - m.neighbour_force(c.node, y);
   }
-  return result;
+  m.decide(p);
+  std::vector<double> resting(p.direction);
+  for (int i = 0; i < m.nodes(); ++i)
+    if (p.u[std::size_t(i) * dof] == 0) resting[i] = 0;
+  m.pass_jumps(resting, p);
 }
 
 }  // namespace
@@ -157,35 +142,25 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
   const std::size_t size = m.size(), dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
   const std::vector<std::size_t> free = free_unknowns(m, c);
   const std::size_t n = free.size();
-  if (m.forced()) return strobed(m, c, free);
-  StickState p{0, on_section(m, c), {}, {}, 0};
-  m.decide(p);
-  std::vector<double> after(size), y(size);
-  m.rates(p.direction, p.u.data(), after.data());
-  const double slope = m.threshold_slope(c.node, p.u.data());
+  StickState p{0, on_section(m, c), {}, std::vector<double>(n * size), n};
+  for (std::size_t j = 0; j < n; ++j) p.deviations[j * size + free[j]] = 1;
+  if (!m.forced()) pass_release(m, c, p);
   StickReturnMapOptions wishes;
-  for (const std::size_t k : free) {
-    std::fill(y.begin(), y.end(), 0.);
-    y[k] = 1;
-    // on the section
-    y[section + 1] = (k == section + 2 ? c.side * slope : 0) - m.neighbour_force(c.node, y.data());
-    pass_release(m, p, after, y);
-    wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
-  }
+  wishes.deviations = std::move(p.deviations);
   MapAt result{return_map_of(m, c, wishes), {}, std::vector<double>(n * n)};
   const StickState& end = result.round.at;
   for (const std::size_t k : free) result.image.push_back(end.u[k]);
   // the deviations, taken along the motion back to the section
+  std::vector<double> after(size);
   m.rates(end.direction, end.u.data(), after.data());
-  const double end_slope = m.threshold_slope(c.node, end.u.data());
+  const double end_slope = m.forced() ? 0 : m.threshold_slope(c.node, end.u.data());
   const auto event = [&](const double* d) {
     return c.side * (d[section + 1] + m.neighbour_force(c.node, d)) -
            (dof == 3 ? end_slope * d[section + 2] : 0);
   };
-  const double speed = event(after.data());
   for (std::size_t j = 0; j < n; ++j) {
     const double* d = &end.deviations[j * size];
-    const double late = event(d) / speed;
+    const double late = m.forced() ? 0 : event(d) / event(after.data());
     for (std::size_t i = 0; i < n; ++i) result.slopes[i * n + j] = d[free[i]] - after[free[i]] * late;
   }
   return result;

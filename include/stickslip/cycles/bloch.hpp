@@ -9,7 +9,6 @@
 #pragma once
 
 #include <complex>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -46,18 +45,8 @@ struct BlochSpectrum {
   double largest_of_finite = 0;
 };
 
-// How waves are carried round a cycle: their multipliers, largest first. Of one node: exp(ikx) with kappa2 =
-// kappa^2(k), where `short_waves` is the growth rate that they tend to in the continuum; of several: what is
-// exp(i theta) times as large in the next cell. `speed`: of waves, about, in the mean over the cycle.
-struct WaveMap {
-  std::function<std::vector<std::complex<double>>(double kappa2)> of_wave;
-  std::function<std::vector<std::complex<double>>(double theta)> of_phase;
-  double short_waves = 0, speed = 0;
-};
-
 // Of the waves on the cycle of a cell, `wavenumbers` of which are listed. Throws UsageError where the cell is
 // no ring (its ends are not those of one of many).
-BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
 // With exact stick `course` is what described() says of the cycle. Throws Failure where waves have no linear
 // answer: with viscosity between neighbours and nodes that begin to slip at once with a jump in their
