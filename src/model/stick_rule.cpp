@@ -207,8 +207,8 @@ void StickEvents::find(const StepOfNodes& step, Candidates& found) const {
   }
 }
 
-Furthest StickEvents::furthest(const StepOfNodes& step, const Candidates& candidates, const StridedNodes& there,
-                               double part) const {
+Furthest StickEvents::furthest(const StepOfNodes& step, const Candidates& candidates,
+                               const StridedNodes& there, double part) const {
   const NormalLoad normal = model_.normal_load(step.t + part * step.dt);
   Furthest most;
   for (const Candidate& c : candidates.list) {

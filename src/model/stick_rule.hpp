@@ -317,8 +317,10 @@ class StickEvents {
                                 const stick_rule::StridedNodes& there, double part) const;
   // At a part of the step those whose change has come, to round-off, get psi = 0, or are named: their forces
   // are to become their thresholds (put_at()). First every psi, which others may feel.
-  std::vector<stick_rule::NodeLimit> snap(const stick_rule::StepOfNodes& step, const stick_rule::Candidates& candidates, const stick_rule::StridedNodes& there,
-                          double* psi, double part) const;
+  std::vector<stick_rule::NodeLimit> snap(const stick_rule::StepOfNodes& step,
+                                          const stick_rule::Candidates& candidates,
+                                          const stick_rule::StridedNodes& there, double* psi,
+                                          double part) const;
   // The eta with which the force on a node, eta + besides, is its threshold, from which start() lets it go;
   // not less by round-off.
   static double put_at(double limit, double side, double besides);

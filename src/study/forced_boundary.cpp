@@ -71,8 +71,8 @@ SmoothCycle ForcedBoundary::led_to(double x, double y) const {
   for (double passed = 0, step = 1; passed < 1;) {
     const double part = std::min(1., passed + step);
     try {
-      slide = forced_slide_near(slide,
-                                cell_of(scene_of(from_x + part * (x - from_x), from_y + part * (y - from_y))));
+      const Scene there = scene_of(from_x + part * (x - from_x), from_y + part * (y - from_y));
+      slide = forced_slide_near(slide, cell_of(there));
     } catch (const Failure&) {
       if ((step /= 2) < least_step) throw;
       continue;
