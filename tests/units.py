@@ -232,8 +232,10 @@ def differences(one, other, units, options, tolerance, path="", inherited=0, abs
             allowed = max(tolerance, decimals(one, name), ROUND_OFF if name in OF_EIGENVALUES else 0)
             if "accuracy" not in options:  # of a train or cycle, whose meshes round-off makes others
                 allowed = max([allowed, *(10 * (row.get("error_estimate") or 0) for row in (one, other))])
+            # a profile is known in parts of its range
+            profile = allowed * (one["psi_max"] - one["psi_min"]) if name == "psi_min" and one.get("mesh_intervals") else 0
             yield from differences(one.get(name), other.get(name), units, options, allowed, f"{path}/{name}", exponent,
-                                   max(absolute, stated * (name in OF_EIGENVALUES | {"eigenvalues", "multipliers", "multiplier"})))
+                                   max(absolute, profile, stated * (name in OF_EIGENVALUES | {"eigenvalues", "multipliers", "multiplier"})))
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         if "multipliers" in path or "eigenvalues" in path:  # of equal size in any order
             one, other = ordered(one), ordered(other)

@@ -152,6 +152,11 @@ TrainMode conjugate(const TrainMode& mode, PetscInt pulses) {
   return other;
 }
 
+// Up to here two modes are one.
+double same_mode(const TrainMode& mode, const Train& train) {
+  return 1e-8 * carrier_scale(train, mode.lambda);
+}
+
 // The modes right of the line, the `wanted` rightmost at least. False where one was not reached.
 bool modes_right_of(const SpectralCurves& curves, Transfer& coarse, Transfer& fine, int wanted,
                     std::vector<TrainMode>& modes) {
@@ -177,6 +182,14 @@ bool modes_right_of(const SpectralCurves& curves, Transfer& coarse, Transfer& fi
     return a.lambda.real() != b.lambda.real() ? a.lambda.real() > b.lambda.real()
                                               : a.lambda.imag() > b.lambda.imag();
   });
+  // pairs whose two were computed each by itself, and are one number
+  for (std::size_t k = 0; k + 1 < modes.size(); ++k) {
+    const Complex image = std::conj(modes[k].lambda);
+    if (image.imag() > 0 && std::abs(image - modes[k + 1].lambda) <= same_mode(modes[k], train)) {
+      std::swap(modes[k], modes[k + 1]);
+      modes[k].lambda = image;
+    }
+  }
   return all;
 }
 
@@ -184,7 +197,7 @@ bool modes_right_of(const SpectralCurves& curves, Transfer& coarse, Transfer& fi
 bool all_different(const std::vector<TrainMode>& modes, const Train& train) {
   for (std::size_t k = 0; k < modes.size(); ++k)
     for (std::size_t j = k + 1; j < modes.size(); ++j) {
-      const double same = 1e-8 * carrier_scale(train, modes[k].lambda);
+      const double same = same_mode(modes[k], train);
       if (modes[k].lambda.real() - modes[j].lambda.real() > same) break;
       if (modes[k].bloch == modes[j].bloch && std::abs(modes[k].lambda - modes[j].lambda) <= same)
         return false;
