@@ -44,6 +44,7 @@ Columns<Train> train_columns() {
 }
 
 Json known_stable(const TrainSpectrum& s) { return s.known ? Json(s.stable) : Json(); }
+double known_rate(const TrainSpectrum& s) { return s.growth_known ? s.growth_rate : std::nan(""); }
 
 // `with_spectrum`: the stability of every train of the branch is known too.
 Table<BranchRow> branch_table(const std::string& parameter, bool with_spectrum) {
@@ -58,7 +59,7 @@ Table<BranchRow> branch_table(const std::string& parameter, bool with_spectrum) 
            [](Row r) { return r.spectrum ? known_stable(*r.spectrum) : Json(); }, where}};
   if (with_spectrum)
     columns.push_back({"growth_rate", "1/time", "largest growth rate on the ring",
-                       [](Row r) { return r.spectrum ? r.spectrum->growth_rate : std::nan(""); }});
+                       [](Row r) { return r.spectrum ? known_rate(*r.spectrum) : std::nan(""); }});
   return {"branch.points", "branch/", "branch/point", columns};
 }
 
@@ -133,8 +134,11 @@ Columns<TrainSpectrum> spectrum_columns() {
           {"eigenvalues", "", "with `-wave_spectrum`: rightmost first",
            [](S s) { return list_of(mode_table(), s.modes); }},
           {"growth_rate", "1/time",
-           "largest of them; null also if every other mode decays faster than short waves",
-           &TrainSpectrum::growth_rate},
+           "largest of them; null also if every other mode decays faster than short waves, and where the list "
+           "is not complete",
+           known_rate},
+          {"growth_rate_at_least", "1/time", "where the list is not complete: the largest of those found",
+           [](S s) { return s.growth_known ? std::nan("") : s.growth_rate; }},
           {"translation_error", "1/time", "how far the mode of a shift is from 0",
            &TrainSpectrum::translation_error},
           {"complete", "", "as in `spectrum`", &TrainSpectrum::complete},
@@ -224,11 +228,13 @@ void describe(Summary& summary, const TrainSpectrum& spectrum) {
   const bool none = std::isnan(spectrum.growth_rate);
   const std::string rate =
       none ? fmt::format(", every other mode at a growth rate below {:.6g}", spectrum.growth_bound)
-           : fmt::format(", largest growth rate {:.6g}", spectrum.growth_rate);
+           : fmt::format(", {} {:.6g}",
+                         spectrum.growth_known ? "largest growth rate" : "a growth rate of at least",
+                         spectrum.growth_rate);
   summary.say(spectrum.known ? fmt::format("on its ring: {}stable{} (translation mode: {:.2g})",
                                            spectrum.stable ? "" : "not ", rate, spectrum.translation_error)
                              : "on its ring: whether it is stable is not known" +
-                                   (none ? "" : rate + " of those found"));
+                                   (none ? "" : rate));
   summary.say(
       !spectrum.infinite_known ? "infinite train: whether it is stable is not known"
       : spectrum.infinite_stable

@@ -293,6 +293,7 @@ std::string trouble_of(const SpectralLine& line) {
 void judge(const RootSearch& found, TrainSpectrum& out) {
   double error = std::max(10 * out.translation_error, 1e-9);
   out.growth_rate = unknown;
+  out.growth_known = out.complete;
   for (const TrainMode& mode : found.modes) {
     if (mode.lambda.real() > found.line->sigma() / 10) error = std::max(error, mode.residual);
     if (!mode.translation) out.growth_rate = std::fmax(out.growth_rate, mode.lambda.real());
@@ -371,7 +372,8 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
   out.completeness_check = fmt::format(
       "argument of the determinant along Re = {:.10g}, |Im| up to {:.8g}: {} eigenvalues to the right, {}{} "
       "found{}",
-      line.sigma(), line.top(), found.counted, size < found.counted ? "the rightmost " : "", size,
+      line.sigma(), line.top(), found.counted,
+      out.complete && size < found.counted ? "the rightmost " : "", size,
       line.closed() ? "" : "; " + trouble_of(line));
   if (!out.complete) warn("the spectrum of the train is not complete: " + out.completeness_check);
   judge(found, out);

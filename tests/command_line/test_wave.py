@@ -118,6 +118,12 @@ def test_stability():
     check(len(unstable["eigenvalues"]) == 4, "spectrum_count")
     real = [e["re"] for e in unstable["eigenvalues"]]
     check(real == sorted(real, reverse=True), "sorted by real part")
+    # a list that is known to have a gap says no largest rate (0.227 here, by counts of other lines), only that of what was found
+    gaps, _ = run("-model_gamma 1.66144 -model_delta 0 -model_c 1.970298 -model_v 0.349618 -friction_law lugre -friction_fc 0.31784 "
+                  "-friction_fs 1.40843 -friction_vs 1.182367 -friction_sigma0 3.307752 -friction_sigma1 0.02194 -friction_sigma2 0 "
+                  "-model_drag 0.17278 -wave_speed 9.952497303881762 -wave_spectrum", command="wave")
+    check(not gaps["complete"] and gaps["growth_rate"] is None and gaps["stable"] is False, gaps["completeness_check"])
+    check(0.02 < gaps["growth_rate_at_least"] < 0.227 and "rightmost" not in gaps["completeness_check"], gaps["completeness_check"])
     # so near to c spectra have not been verified: no answer, and the reason
     near = train("-wave_speed 1.00000001 -wave_spectrum")
     check(near["complete"] is False and near["stable"] is None, "no answer next to c")

@@ -48,6 +48,7 @@ struct TrainSpectrum {
   // Largest real part, the translation mode excepted; NaN where no other mode was found. `growth_bound`: none
   // is larger, if the list is complete.
   double growth_rate = 0, growth_bound = 0;
+  bool growth_known = true;  // false: of a list that is not complete, beside which others may grow faster
   // `known`: whether the train is stable; it is where the list is complete and growth_bound below minus its
   // error, and is not where a mode grows by more than that.
   bool stable = false, known = false;
