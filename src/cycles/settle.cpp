@@ -170,6 +170,7 @@ class Settling {
   SmoothCycle shortest(SmoothCycle found) const;
   void check_steps();
   bool oscillates() const;
+  bool dies_out() const;
 
   const Scene& cell_;
   CellField field_;
@@ -309,9 +310,8 @@ bool Settling::pass() {
       return !passed && !stood && b.t <= end_;
     });
     if (passed) remember_passage();
-    const bool over = samples_.back().t > end_,
-               dies_out = !forced() && passages_.size() > 1 && !oscillates();
-    ended_ = over || ((stood || dies_out) && ends_beside(samples_.back(), dies_out));
+    const bool over = samples_.back().t > end_, still = !forced() && passages_.size() > 1 && !oscillates();
+    ended_ = over || ((stood || still) && ends_beside(samples_.back(), still));
     if (ended_) return false;
     if (passed) return true;
   }
@@ -449,9 +449,23 @@ bool Settling::oscillates() const {
   return high - low >= 1e-7 * field_.unit_of_psi();
 }
 
+// Whether the motion, which still oscillates, has shrunk towards sliding that is stable.
+bool Settling::dies_out() const {
+  constexpr double small = 0.05;  // of its range in the first turns
+  const size_t d = range_.size();
+  for (size_t k = 0; k < d; ++k) {
+    const auto [low, high] = std::minmax_element(
+        samples_.begin(), samples_.end(), [k](const Sample& a, const Sample& b) { return a.y[k] < b.y[k]; });
+    if (high->y[k] - low->y[k] > small * range_[k]) return false;
+  }
+  std::vector<double> J(d * d);
+  field_.jacobian(samples_.back().y.data(), J.data());
+  return leading_deviation(int(d), J).value.real() < 0;
+}
+
 void Settling::refuse(double nearest, int turns) const {
   const double last = psi(samples_.back(), section_);
-  if (ended_) {
+  if (ended_ || (!forced() && dies_out())) {
     const bool slides = std::abs(last) > 1e-2 * std::abs(cell_.v);
     throw NoCycle(slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(last, 2));
   }

@@ -271,3 +271,12 @@ def test_what_repeats_without_linear_deviations_is_said_to_repeat():
     refused("-model_form chain -grid_n 2 -bc_left free -model_m 2 -model_k0 1.2 -model_f0 .5 -model_k1 .6 -model_nu .2 -model_zeta 0 "
             "-friction_law carlson-langer -friction_alpha .27 -friction_sigma .2 -model_v .75 -cycle_cell 0 -init_psi .7 -init_eta .7",
             1, "repeats after a time of 8.2561", "several nodes begin to slip at once", command="cycle")
+
+
+def test_slow_decay_is_no_chaos():
+    """Sliding loses a thousandth in a unit of time: it is not reached within the 400 turns."""
+    refused("-model_form chain -grid_n 4 -bc_left free -model_k0 0.21717 -model_f0 0.52983 -model_k1 1.04231 "
+            "-model_m 1.86825 -model_zeta_profile 0.0:0.03195,1.0:0.0106,2.0:0.08563,3.0:0.06504 -model_v 0.14965 "
+            "-friction_law slip-weakening -friction_fs 1 -friction_fd 0.866 -friction_Dc 0.235 -friction_stick "
+            "regularised -friction_eps 0.05 -init_psi 0.7457 -init_noise 0.3 -init_seed 416 -cycle_cell 0",
+            1, "settles on steady sliding", command="cycle")
