@@ -211,10 +211,12 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
     equations->solve_to(tolerances, 1e-11);
     return warn_of_fixed_step(step_given);
   }
-  SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
+  PetscReal longest;
+  SS_TRY(TSAdaptGetStepLimits(adapt, &floor, &longest));
   clock_limits = model.friction_law(0).steep;
-  if (clock_limits && method->type != std::string(TSBDF) && !user_set(prefix, "ts_adapt_dt_min"))
-    floor = 0;  // the library's 1e-20 is of one unit
+  // the library's 1e-20 is of one unit; what shrinks below the digits of the time is found out (base/idling)
+  if (method->type != std::string(TSBDF) && !user_set(prefix, "ts_adapt_dt_min"))
+    SS_TRY(TSAdaptSetStepLimits(adapt, floor = 0, longest));
   allow_rejections();
   refuse_below_round_off(u);
 }

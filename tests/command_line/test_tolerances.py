@@ -116,6 +116,16 @@ def test_units_of_powers_of_two(law, method):
         check(all(same), f"{law} {method}, units {length}, {time}, {force}: psi by {abs(other[1] * time / length - psi).max()}")
 
 
+def test_no_step_is_too_short():
+    """The library's floor, 1e-20, is of one unit: here steps are some 1e-22 long."""
+    found = []
+    for t in (1, 2.0**-70):
+        found.append(run(f"{BLOCK} -friction_law stribeck -friction_vs {0.5 / t!r} -friction_stick regularised -friction_eps {0.05 / t!r}"
+                         f" -model_m {t * t!r} -model_v {0.3 / t!r} -init_psi {0.1 / t!r} -init_eta 0 -ts_max_time {20 * t!r}")[0])
+    one, other = found
+    check(one["steps"] == other["steps"] and one["psi_max"] == other["psi_max"] * 2.0**-70, f"{one['steps']}, {other['steps']}")
+
+
 def test_ts_atol():
     scene = BLOCK + " -model_v 1e-3 -friction_law carlson-langer -init_psi 1e-4 -init_eta 1 -ts_max_time 20"
     counts = [run(f"{scene} {atol}")[0]["rhs_evaluations"] for atol in ("", "-ts_atol auto", "-ts_atol auto:1e-6", "-ts_atol auto:1e-9",
