@@ -134,8 +134,8 @@ Columns<TrainSpectrum> spectrum_columns() {
           {"eigenvalues", "", "with `-wave_spectrum`: rightmost first",
            [](S s) { return list_of(mode_table(), s.modes); }},
           {"growth_rate", "1/time",
-           "largest of them; null also if every other mode decays faster than short waves, and where the list "
-           "is not complete",
+           "largest of them; null also if every other mode decays faster than short waves, and where the "
+           "list is not complete",
            known_rate},
           {"growth_rate_at_least", "1/time", "where the list is not complete: the largest of those found",
            [](S s) { return s.growth_known ? std::nan("") : s.growth_rate; }},

@@ -246,20 +246,21 @@ class FitSearch {
   // search itself, to one side.
   Eigen::MatrixXd jacobian(const Vector& x, bool central) {
     Eigen::MatrixXd J(rows_, n_);
+    for (std::size_t k = 0; k < n_; ++k) J.col(k) = slope(x, k, difference, central);
+    return J;
+  }
+  Vector slope(const Vector& x, std::size_t k, double step, bool central) {
     if (!last_ || last_->first != x) last_ = {x, residual(x)};
     const Vector here = last_->second;
-    for (std::size_t k = 0; k < n_; ++k) {
-      const double h = difference * (problem_.parameters[k].logarithm ? 1 : std::max(std::abs(x[k]), 1e-2));
-      const auto at = [&](double place) {
-        Vector beside = x;
-        beside[k] = std::clamp(place, low(k), high(k));
-        return std::pair(beside[k], beside[k] == x[k] ? here : try_residual(beside).value_or(here));
-      };
-      const auto [up, above] = at(x[k] + h);
-      const auto [down, below] = central || up == x[k] ? at(x[k] - h) : std::pair(x[k], here);
-      J.col(k) = (above - below) / (up - down);
-    }
-    return J;
+    const double h = step * (problem_.parameters[k].logarithm ? 1 : std::max(std::abs(x[k]), 1e-2));
+    const auto at = [&](double place) {
+      Vector beside = x;
+      beside[k] = std::clamp(place, low(k), high(k));
+      return std::pair(beside[k], beside[k] == x[k] ? here : try_residual(beside).value_or(here));
+    };
+    const auto [up, above] = at(x[k] + h);
+    const auto [down, below] = central || up == x[k] ? at(x[k] - h) : std::pair(x[k], here);
+    return (above - below) / (up - down);
   }
 
   struct Place {
@@ -405,11 +406,22 @@ Eigen::VectorXd drawn(const FitSearch& search, const FitProblem& problem, int st
   return x;
 }
 
-// Throws UsageError where a run does not depend on a parameter.
+// Whether the course depends on a parameter there. One that only takes the run along other steps changes the
+// course by their errors, however far it is moved: its slopes fall with the distance.
+bool has_effect(FitSearch& search, const FitProblem& problem, const Eigen::VectorXd& x, std::size_t k) {
+  constexpr double hardly = 1e-2;  // of the data's scatter, by a change as large as the parameter
+  const double near = search.slope(x, k, difference, false).norm();
+  if (near == 0) return false;
+  return near >= hardly * std::sqrt(double(problem.data.size())) ||
+         search.slope(x, k, 1, false).norm() > near / 2;
+}
+
+// Throws UsageError where a run does not depend on a parameter, neither at the scene's values nor beside them,
+// where the others do not hide it.
 void check_effect(FitSearch& search, const FitProblem& problem) {
-  const Eigen::MatrixXd J = search.jacobian(search.scene_values(), false);
   for (std::size_t k = 0; k < problem.parameters.size(); ++k)
-    if (J.col(k).isZero(0))
+    if (!has_effect(search, problem, search.scene_values(), k) &&
+        !has_effect(search, problem, drawn(search, problem, 1), k))
       throw usage_error("-fit_parameters {}: it has no effect on these data", problem.parameters[k].name);
 }
 

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import SOURCE, call, check, data, run, scene_file, tool
+from calls import SOURCE, call, check, data, refused, run, scene_file, tool
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -model_v 0.9 -init_psi 1.2 -init_eta 0.5 -ts_max_time 12 -friction_law tanh " \
         "-model_zeta 0.1 "
@@ -48,6 +48,20 @@ def test_without_noise_all_digits_come_back(of):
         np.savetxt("d.txt", np.c_[0.9 * t[1:], y[1:]], fmt="%.15g")
         again = fit("-fit_data d.txt -fit_against displacement -fit_parameters friction_fc,model_m -fit_starts 2")
         check(np.allclose(values(again), values(s), rtol=1e-6), f"{again['parameters']} {s['parameters']}")
+
+
+def test_what_only_takes_the_run_along_other_steps_has_no_effect():
+    # the velocity to which friction_a refers shifts friction by a constant, which a velocity does not show
+    scene = ("-model_form chain -grid_n 1 -bc_left free -friction_law rate-and-state -state_law ageing -friction_a 0.01 -friction_b 0.012 "
+             "-friction_D 0.05 -friction_psi0 1 -model_v 0.1 -model_k0 1 -model_m 0.01 -init_psi 0.1 -init_eta steady "
+             "-load_v 0:0.1,5:0.1,5:0.5,12:0.5,12:0.2 -ts_max_time 20 ")
+    run(scene + "-out_file a.h5 -out_every 0.2")
+    file = data("a.h5")
+    np.savetxt("d.txt", np.c_[file["t"], file["psi"][:, 0]])
+    asked = scene + "-fit_of psi -fit_data d.txt -fit_starts 1 -fit_parameters friction_a"
+    refused(asked + ",friction_psi0", 2, "friction_psi0: it has no effect on these data", command="fit")
+    found, _ = run(asked, command="fit")
+    check(abs(values(found)[0] / 0.01 - 1) < 1e-2, found["parameters"])
 
 
 def test_what_the_data_leave_open():
