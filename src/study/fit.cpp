@@ -416,8 +416,8 @@ bool has_effect(FitSearch& search, const FitProblem& problem, const Eigen::Vecto
          search.slope(x, k, 1, false).norm() > near / 2;
 }
 
-// Throws UsageError where a run does not depend on a parameter, neither at the scene's values nor beside them,
-// where the others do not hide it.
+// Throws UsageError where a run does not depend on a parameter, neither at the scene's values nor beside
+// them, where the others do not hide it.
 void check_effect(FitSearch& search, const FitProblem& problem) {
   for (std::size_t k = 0; k < problem.parameters.size(); ++k)
     if (!has_effect(search, problem, search.scene_values(), k) &&
