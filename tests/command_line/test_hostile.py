@@ -41,23 +41,23 @@ def fields(file, skip=""):
 
 def huge(file):
     fields(file, "x")
-    file.create_dataset("x", (1 << 40,), chunks=(1 << 10,))
+    file.create_dataset("x", (1 << 40,), "f4", chunks=(1 << 10,))
 
 
 def wide(file):
     for name in ("x", "psi", "eta"):
-        file.create_dataset(name, (1 << 27,), chunks=(1 << 16,), compression="gzip")
+        file.create_dataset(name, (1 << 27,), "f4", chunks=(1 << 16,), compression="gzip")
 
 
 def many(file):  # each of them may be, all of them may not
     fields(file, "x")
     for name in ("x", *(f"field{k}" for k in range(40))):
-        file.create_dataset(name, (1 << 23,), chunks=(1 << 16,), compression="gzip")
+        file.create_dataset(name, (1 << 23,), "f4", chunks=(1 << 16,), compression="gzip")
 
 
 def one_chunk(file):
     fields(file, "psi")
-    file.create_dataset("psi", (1, 9), maxshape=(None, None), chunks=(1, 1 << 28))
+    file.create_dataset("psi", (1, 9), "f4", maxshape=(None, None), chunks=(1, 1 << 28))
 
 
 def outside(file):
