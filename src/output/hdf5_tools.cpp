@@ -111,6 +111,9 @@ Id create_file(const std::string& path, double bytes, hsize_t user_block, double
   const Id access(H5Pcreate(H5P_FILE_ACCESS)), creation(H5Pcreate(H5P_FILE_CREATE));
   H5Pset_file_locking(access, false, true);
   if (user_block > 0) H5Pset_userblock(creation, user_block);
+  // The oldest format, as by default before HDF5 2: headers of later ones have a checksum, which one that is
+  // torn does not fit.
+  H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_LATEST);
   H5Pset_meta_block_size(access, metadata);  // one block for all of it, at the beginning
   H5Pset_sieve_buf_size(access, 0);          // raw data goes straight to the file
   H5AC_cache_config_t cache;
