@@ -1,5 +1,6 @@
 """Fields in files by the ranks that own them: the same bits whoever writes and on any number of ranks, and no rank that
 holds more than its part."""
+import functools
 import glob
 import os
 import subprocess
@@ -76,7 +77,18 @@ def test_displacement_piece_by_piece():
 
 
 def peak(arguments, ranks):
-    """The largest resident memory of a rank, in bytes."""
+    """What the largest rank holds of a scene, in bytes: its resident memory beyond that of as many ranks with a short line,
+    which is the program's, MPI's and the libraries' (MPI takes 3 to 4 MB more where there are several ranks)."""
+    return resident(arguments, ranks) - resident_of_a_short_line(ranks)
+
+
+@functools.cache
+def resident_of_a_short_line(ranks):
+    return resident("-grid_n 5000 -grid_length 250 -init_type sine -ts_max_time 0.01 -ts_dt 0.005 -ts_adapt_type none "
+                    "-out_frames 2 -out_file short.h5", ranks)
+
+
+def resident(arguments, ranks):
     process = subprocess.Popen(line(arguments, ranks), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     said = process.stderr.read()
     _, status, used = os.wait4(process.pid, 0)
@@ -105,7 +117,8 @@ def test_no_rank_holds_what_another_watches(request):
 @pytest.mark.ranks
 def test_no_rank_holds_a_field(request):
     """Four ranks need what one rank with as many nodes as each of them needs: an array of global length on any of them
-    would be 24 bytes more for each own node. The long version (./check audit) has 1e7 nodes in all."""
+    would be 24 bytes more for each own node; what MPI keeps of its own to carry pieces to the rank that writes is up to 7 MB,
+    whatever the length (Open MPI 6). The long version (./check audit) has 1e7 nodes in all."""
     own = 2_500_000 if (request.config.getoption("--scenes") or 0) >= 200 else 500_000
     def scene(n):
         return (f"-grid_n {n} -grid_length {n // 20} -init_type sine -ts_max_time 0.01 -ts_dt 0.005 -ts_adapt_type none "
@@ -113,9 +126,9 @@ def test_no_rank_holds_a_field(request):
     one = peak(f"{scene(own)} -out_file one.h5", 1)
     for writers in ("auto", "root"):
         four = peak(f"{scene(4 * own)} -out_file four.h5 -out_writers {writers}", 4)
-        check(four < one + 12 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: {writers}")
+        check(four < one + 18 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: {writers}")
     start = next(iter(sorted(glob.glob("one.chk*"))))
     one = peak(f"-restart {start} -ts_max_time 0.015 -out_file again1.h5", 1)
     start = next(iter(sorted(glob.glob("four.chk*"))))
     four = peak(f"-restart {start} -ts_max_time 0.015 -out_file again4.h5", 4)
-    check(four < one + 12 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: restart")
+    check(four < one + 18 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: restart")
