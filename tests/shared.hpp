@@ -27,7 +27,7 @@ class InDatabase {
     insert_library_options(options);
   }
   ~InDatabase() {
-    for (const auto& [name, text] : settings_) (void)PetscOptionsClearValue(nullptr, ("-" + name).c_str());
+    for (const auto& [name, text] : settings_) clear_library_option(name);
   }
   InDatabase(const InDatabase&) = delete;
   InDatabase& operator=(const InDatabase&) = delete;

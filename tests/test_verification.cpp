@@ -46,7 +46,7 @@ Run advance(const Scene& scene, const Start& start, double t,
   model.set_held(u);
   Integrator integrator(model, MethodSpec::from(options), u);
   integrator.advance(u, 0, t, nullptr);
-  for (const auto& [name, text] : set) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
+  for (const auto& [name, text] : set) clear_library_option(name);
 
   VecScatter all;
   VecHandle everything;
@@ -537,8 +537,7 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
       integral += weight / 3 * 2. / steps * (e.input - e.friction - e.viscous);
       return Integrator::Verdict::go_on;
     });
-    for (const char* name : {"-ts_type", "-ts_rk_type", "-ts_dt"})
-      SS_TRY(PetscOptionsClearValue(nullptr, name));
+    for (const char* name : {"ts_type", "ts_rk_type", "ts_dt"}) clear_library_option(name);
     CHECK(integrator.report().steps == steps);
     return std::abs(last - first - integral);
   };

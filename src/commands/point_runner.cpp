@@ -22,7 +22,7 @@ namespace {
 void replace_library_options(const Options& before, const Options& after) {
   if (before.library() == after.library() && before.text("ts_atol") == after.text("ts_atol")) return;
   for (const auto& [name, text] : before.library())
-    if (!after.library().count(name)) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
+    if (!after.library().count(name)) clear_library_option(name);
   if (before.is_set("ts_atol")) SS_TRY(PetscOptionsClearValue(nullptr, "-ts_atol"));
   insert_library_options(after);
 }

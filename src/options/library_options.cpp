@@ -86,7 +86,7 @@ const std::map<std::string, OptionSpec>& ranges() {
 bool is_known(const std::string& name) {
   static const std::set<std::string> short_names =
       set_of("citations checkfunctionlist checkstack display help info log malloc nox tmp version");
-  return short_names.count(name) || library_reads(name);
+  return short_names.count(name) || library_reads(name_in_database(name));
 }
 
 // Read only when an object deep inside is first used, so that set-up is too early to ask whether it was read.
@@ -227,7 +227,8 @@ bool only_looks(const std::string& name) {
 
 void insert_library_options(const Options& options) {
   for (const auto& [name, text] : options.library())
-    SS_TRY(PetscOptionsSetValue(nullptr, ("-" + name).c_str(), text.empty() ? nullptr : text.c_str()));
+    SS_TRY(PetscOptionsSetValue(nullptr, ("-" + name_in_database(name)).c_str(),
+                                text.empty() ? nullptr : text.c_str()));
   // An own option, of which PETSc knows the numbers.
   if (const std::string atol = options.text("ts_atol"); parse_number(atol))
     SS_TRY(PetscOptionsSetValue(nullptr, "-ts_atol", atol.c_str()));
@@ -274,14 +275,20 @@ void check_library_types(const Options& options) {
   }
 }
 
-std::string name_in_database(const std::string& name, const std::string& prefix) {
-  const std::string newer = name == "ts_dt"           ? "ts_time_step"
-                            : name == "ts_max_reject" ? "ts_max_step_rejections"
-                                                      : name;
-  PetscBool set = PETSC_FALSE;  // asked for no other name, since what is asked for counts as used
-  if (newer != name)
-    SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + newer).c_str(), &set));
-  return set ? newer : name;
+std::string name_in_database(const std::string& name) {
+  static const std::map<std::string, std::string> newer = {
+#if PETSC_VERSION_GE(3, 25, 0)
+      {"ts_dt", "ts_time_step"},
+      {"ts_max_reject", "ts_max_step_rejections"},
+      {"ts_ssp_nstages", "ts_ssp_num_stages"},
+#endif
+  };
+  const auto found = newer.find(name);
+  return found == newer.end() ? name : found->second;
+}
+
+void clear_library_option(const std::string& name) {
+  SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name_in_database(name)).c_str()));
 }
 
 void check_unused_after_setup(const Options& options, const std::string& objects) {

@@ -23,7 +23,7 @@ std::string to_string(Implicit implicit) {
 
 bool user_set(const std::string& prefix, const std::string& option) {
   PetscBool set;
-  const std::string name = "-" + name_in_database(option, prefix);
+  const std::string name = "-" + name_in_database(option);
   SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), name.c_str(), &set));
   return set;
 }

@@ -234,7 +234,7 @@ void Integrator::Impl::allow_rejections() const {
 
 PetscInt Integrator::Impl::most_rejections() const {
   PetscInt most = 60;
-  const std::string name = "-" + name_in_database("ts_max_reject", prefix);
+  const std::string name = "-" + name_in_database("ts_max_reject");
   SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), name.c_str(), &most, nullptr));
   return most;
 }

@@ -41,7 +41,7 @@ Price price(const Options& options, double wanted) {
     insert_library_options(chosen);
     const Trial run = run_trial(chosen, plan.setting(), "", 1e9, plan.measure());
     for (const auto& [name, text] : chosen.library())
-      if (!options.is_set(name)) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
+      if (!options.is_set(name)) clear_library_option(name);
     if (!run.failed.empty()) throw Failure(run.failed);
     if (plan.estimate({run.end, run.measured}) <= wanted)
       return {plan.seconds() + before, run.seconds, NAN, attempt};

@@ -86,6 +86,8 @@ def test_options_of_the_library():
     steps = table("rtol.h5").steps.values
     alone = [run(BLOCK + f" -ts_rtol {rtol}")[0]["steps"] for rtol in ("1e-4", "1e-6", "1e-8")]
     check(list(steps) == alone and steps[0] < steps[2], "each tolerance its own steps")
+    sweep("-grid_n 32 -ts_type rk -ts_adapt_type none -ts_max_time 1 -sweep_parameter1 ts_dt -sweep_values1 0.1,0.01 -out_file dt.h5")
+    check(list(table("dt.h5").steps.values) == [10, 100], "each step its own steps")  # PETSc 3.25 renames this option
 
 
 def test_samples():

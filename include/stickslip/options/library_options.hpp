@@ -50,8 +50,10 @@ void warn_unused_at_end(const Options& options);
 // the value and not the option. For errors while objects take their options.
 std::string option_behind(const std::string& message, const Options& options);
 
-// The name that PETSc's database has this option by: from 3.25 on PETSc puts newer names in place of older
-// ones.
-std::string name_in_database(const std::string& name, const std::string& prefix = "");
+// The name by which this release of PETSc reads an option: 3.25 has renamed some. PETSc itself moves a value
+// to the newer name, but not where one stands there already, of another run in this process.
+std::string name_in_database(const std::string& name);
+// Takes a library's option out of PETSc's database.
+void clear_library_option(const std::string& name);
 
 }  // namespace stickslip
