@@ -28,7 +28,7 @@ namespace {
 using std::size_t;
 
 constexpr double tolerance_of_run = 1e-8;
-constexpr double most_turns = 1000;    // without a passage of the section
+constexpr double most_turns = 1000, most_loads = 20;  // without a passage of the section
 constexpr double most_steps = 2e6;     // of a motion of few unknowns, over 1 + unknowns/30 of one of many
 constexpr double most_memory = 5e8;    // bytes of the samples that are kept, those of the last twelve turns
 constexpr double near_enough = 1e-3;   // see SettleLimits
@@ -142,6 +142,11 @@ class Settling {
     choose_section();
   }
   double turn() const { return 2 * M_PI / scales_of(cell_).rate; }
+  // Without a passage: turns, and times in which the plate loads a block by a force of friction.
+  double patience() const {
+    const double load = stiffness_ * std::abs(cell_.v);
+    return most_turns * turn() + (load > 0 ? most_loads / load : 0);
+  }
 
   bool pass();
   double returned(int back) const;
@@ -202,7 +207,7 @@ void Settling::choose_section() {
   motion_.follow([&](Sample next) {
     if (!last) {
       from = next.t + 2 * turn();
-      until = next.t + most_turns * turn();
+      until = next.t + patience();
       last = std::move(next);
       return true;
     }
@@ -232,7 +237,7 @@ void Settling::choose_section() {
   samples_ = {*last};
   passages_.clear();
   // without a passage it slides or rests; a load's come without fail, in any number to a turn of the motion
-  end_ = forced() ? std::numeric_limits<double>::infinity() : last->t + most_turns * turn();
+  end_ = forced() ? std::numeric_limits<double>::infinity() : last->t + patience();
 }
 
 double Settling::psi_between(const Sample& a, const Sample& b, double t) const {
@@ -321,7 +326,7 @@ void Settling::remember_passage() {
   passages_.push_back(passage(samples_[samples_.size() - 2], samples_.back()));
   const size_t count = passages_.size();
   const double now = passages_.back().t, before = count < 2 ? now : passages_[count - 2].t;
-  if (!forced()) end_ = now + std::max(most_turns * turn(), 20 * (now - before));
+  if (!forced()) end_ = now + std::max(patience(), 20 * (now - before));
   if (count > most_returns + 1) passages_.pop_front();
 }
 
@@ -465,6 +470,8 @@ bool Settling::dies_out() const {
 
 void Settling::refuse(double nearest, int turns) const {
   const double last = psi(samples_.back(), section_);
+  if (samples_.back().t > end_)
+    throw NoCycle("does not pass the plate's velocity again within a time of " + rounded_text(patience()));
   if (ended_ || (!forced() && dies_out())) {
     const bool slides = std::abs(last) > 1e-2 * std::abs(cell_.v);
     throw NoCycle(slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(last, 2));

@@ -280,3 +280,10 @@ def test_slow_decay_is_no_chaos():
             "-friction_law slip-weakening -friction_fs 1 -friction_fd 0.866 -friction_Dc 0.235 -friction_stick "
             "regularised -friction_eps 0.05 -init_psi 0.7457 -init_noise 0.3 -init_seed 416 -cycle_cell 0",
             1, "settles on steady sliding", command="cycle")
+
+
+def test_a_plate_so_slow_that_a_block_creeps_for_thousands_of_turns():
+    """It loads the block all the while, and neither rests nor slides: the period is that of a run (docs/oscillations.md)."""
+    found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_m 1 -model_f0 1 -model_k0 0.3 -friction_law rate-and-state -friction_a 0.05 "
+                   "-friction_b 0.1 -friction_D 0.1 -state_law ageing -cycle_cell 0 -model_v 1e-5", command="cycle")
+    assert abs(found["period"] / 486593 - 1) < 1e-5 and found["stable"]
