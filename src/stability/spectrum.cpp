@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -193,6 +194,15 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
     throw Failure("no eigenvalue was found that the grid can resolve; take more nodes (grid_n)");
   sort_modes(modes, tolerance(*best));
   modes.resize(shown_modes(s, modes, height, settings.count));
+  const PetscInt listed = std::accumulate(
+      modes.begin(), modes.end(), PetscInt(0),
+      [](PetscInt sum, const Mode& m) { return sum + (m.value.imag() > 0 ? 2 : 1); });
+  const PetscInt wanted = std::min(settings.count, unknowns);
+  if (!refine && listed < wanted)
+    result.remarks.push_back(fmt::format(
+        "{} of the {} eigenvalues asked for are listed, the rightmost: the search did not reach further; "
+        "-spectrum_method dense computes all of them",
+        listed, wanted));
   if (refine && settings.compare) error += compare_grids(s, modes);
   if (const ExactModes exact(s); exact.apply()) result.dispersion_error = exact.distance(modes);
   result.modes = std::move(modes);
