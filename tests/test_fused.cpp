@@ -1,8 +1,15 @@
 // The step of rk that takes all stages tile by tile, against the same step put together stage by stage.
+#include <execinfo.h>
+#include <sys/time.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <csignal>
+#include <ctime>
 
 #include "catch.hpp"
+#include "study/simulate.hpp"
 #include "time/fused_step.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
@@ -235,3 +242,54 @@ TEST_CASE("a step taken tile by tile tells what is not finite", "[fused]") {
       CHECK_FALSE(step.take(u, 1e60, norm_of(1e-6, 1e-6, norm), estimate, found, {}).finite);
     }
 }
+
+#if defined(NDEBUG) && defined(__OPTIMIZE__)
+namespace {
+
+constexpr int deepest = 64;
+std::array<int, deepest> seen_at_depth;
+
+void note_depth(int) {
+  void* frames[deepest];
+  ++seen_at_depth[std::size_t(std::min(backtrace(frames, deepest), deepest - 1))];
+}
+
+}  // namespace
+
+// Where the processor is after every millisecond of its time, mostly the loops over nodes.
+TEST_CASE("a step passes the calls that the page lists", "[serial]") {
+  Scene scene;
+  scene.n = 1000;
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  start(model, u);
+  const InDatabase given({{"ts_rtol", "1e-10"}, {"ts_atol", "1e-10"}});
+  Integrator integrator(model, MethodSpec::from(given.options), u);
+  REQUIRE(integrator.report().method == "rk:7vr");
+  void* frames[deepest];
+  const int here = backtrace(frames, deepest);
+  seen_at_depth = {};
+  struct sigaction each{}, before{};
+  each.sa_handler = note_depth;
+  each.sa_flags = SA_RESTART;
+  sigaction(SIGPROF, &each, &before);
+  const itimerval every{{0, 1000}, {0, 1000}}, never{};
+  setitimer(ITIMER_PROF, &every, nullptr);
+  int samples = 0;
+  for (double t = 0; samples < 200 && t < 400; t += 1) {
+    simulate(integrator, u, {t, t + 1}, {});
+    samples = 0;
+    for (const int count : seen_at_depth) samples += count;
+  }
+  setitimer(ITIMER_PROF, &never, nullptr);
+  sigaction(SIGPROF, &before, nullptr);
+  REQUIRE(samples >= 200);
+  const auto usual = std::max_element(seen_at_depth.begin(), seen_at_depth.end());
+  // beyond this function: `simulate`, the calls, what the signal adds (its handler and the system's frame)
+  const int calls = int(usual - seen_at_depth.begin()) - here - 1 - 2;
+  INFO(calls << " calls in " << *usual << " of " << samples << " samples");
+  CHECK(2 * *usual > samples);
+  CHECK(calls <= 8);
+  CHECK(calls >= 4);
+}
+#endif

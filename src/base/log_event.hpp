@@ -9,8 +9,11 @@ namespace stickslip {
 
 class LogEvent {
  public:
+  // Of PETSc's own events that of this name, or one more.
   explicit LogEvent(const char* name) {
     PetscClassId program;
+    SS_TRY(PetscLogEventGetId(name, &id_));
+    if (id_ >= 0) return;
     SS_TRY(PetscClassIdRegister("stickslip", &program));
     SS_TRY(PetscLogEventRegister(name, program, &id_));
   }

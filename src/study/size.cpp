@@ -21,7 +21,7 @@
 #include "time/banded_imex.hpp"
 #include "time/choice.hpp"
 #include "time/dense_output.hpp"
-#include "time/fused_ts.hpp"
+#include "time/stepper.hpp"
 
 namespace stickslip {
 
@@ -89,7 +89,7 @@ double bytes_of_steps(const Unknowns& u, const Way& way, bool inside) {
     if (offered_type(way.type).kind == MethodKind::explicit_) return bytes;
     return bytes + u.matrix(wave) + u.factors(wave);
   }
-  bytes += FusedTs::bytes_a_node(u.V, inside && degree == 0 ? way.slopes() : 0);
+  bytes += FusedStepper::bytes_a_node(u.V, inside && degree == 0 ? way.slopes() : 0);
   return wave ? bytes + BandedImex::bytes_a_node(u.dof, way.slopes() / 2., way.implicit) : bytes;
 }
 
@@ -200,7 +200,7 @@ void refuse_what_does_not_fit(double n, double bytes, const std::string& what, M
 Way way_of(const Options& options, const Model& model, Vec u) {
   const Choice choice = choose_method(model, rates_of(model, u), MethodSpec::from(options), "");
   Way way{choice.type, choice.subtype, choice.implicit,
-          choice.fused && !FusedTs::fused_type(choice.type).empty(), false};
+          choice.fused && !fused_type(choice.type).empty(), false};
   const std::string option = subtype_option(choice.type);
   if (!option.empty() && options.is_set(option)) way.subtype = options.text(option);
   const Method& method = way.method();

@@ -102,8 +102,7 @@ struct StepAudit::Impl {
 
   Impl(const Model& m, const Options& o, const Integrator& i, double from, double to)
       : model(m), options(o), integrator(i), t_begin(from), t_end(to) {
-    double dt;
-    SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
+    const double dt = integrator.next_step();
     tolerance = integrator.tolerances().largest();
     watching = !integrator.adaptive() || tolerance >= loose;
     if (!watching) return;
@@ -161,13 +160,13 @@ struct StepAudit::Impl {
       MethodSpec automatic;
       automatic.fused = options.boolean("rk_fused");
       accurate = std::make_unique<Integrator>(*own_model, automatic, before, "step_audit_");
-      SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));
+      accurate->set_next_step(dt / 8);
     }
     SS_TRY(VecCopy(before, exact));
     const Scales scales = scales_of(model.scene()).least;
     accurate->set_tolerances(
         Tolerances::automatic(scales, Tolerances::usual, std::max(1e-3 * change / scales.psi, 1e-12)));
-    SS_TRY(TSSetStepNumber(accurate->ts(), 0));
+    accurate->count_from(0);
     try {
       simulate(*accurate, exact, {step.t_before, step.t, most_steps}, {});
       if (accurate->report().reason != "end time") {
@@ -179,7 +178,7 @@ struct StepAudit::Impl {
       accurate.reset();
       return;
     }
-    SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));  // the last step was cut short to end there
+    accurate->set_next_step(dt / 8);  // the last step was cut short to end there
     const Sums now = sums_of(model, before, exact, step.u);
     for (std::size_t f = 0; f < 2; ++f) {
       sums.error[f] += now.error[f];

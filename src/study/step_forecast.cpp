@@ -479,8 +479,7 @@ void warn_of_recovery(const Model& model, const Integrator& integrator) {
 
 void warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
   if (integrator.adaptive()) return warn_of_recovery(model, integrator);
-  double dt;
-  SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
+  const double dt = integrator.next_step();
   if (dt >= duration) return;
   StepForecast forecast(model, u, integrator);
   warn_of_several_solutions(model, integrator, dt, forecast);

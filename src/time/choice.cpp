@@ -8,7 +8,6 @@
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/stick.hpp"
 #include "time/fused_methods.hpp"
-#include "time/fused_ts.hpp"
 
 namespace stickslip {
 
@@ -72,7 +71,7 @@ void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
   if (choice.named_fused)
     throw usage_error("ts_type {}: it does not support model_m 0; use ts_type {}",
-                      FusedTs::fused_type(choice.type), choice.type);
+                      fused_type(choice.type), choice.type);
   choice.fused = false;
 }
 
@@ -274,7 +273,7 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   PetscBool set;
   SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_type", name, sizeof name, &set));
   if (set) wanted = name;
-  if (const std::string library = FusedTs::library_type(wanted); !library.empty()) {
+  if (const std::string library = library_type(wanted); !library.empty()) {
     wanted = library;
     choice.fused = choice.named_fused = true;
   }

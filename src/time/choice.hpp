@@ -14,7 +14,7 @@ struct Choice {
   std::string subtype;  // "": PETSc's default, or there is none
   Implicit implicit;
   bool fused;        // all stages of a step tile by tile, where the type offers it
-  bool named_fused;  // and this is what the user named (fused_ts.hpp)
+  bool named_fused;  // and this is what the user named (fused_methods.hpp)
 };
 
 // `spec` says what is wanted; -ts_type behind `prefix` overrides it. Throws UsageError for types that are

@@ -91,7 +91,7 @@ void DenseOutput::polynomial(Vec before, Vec after, double dt, double s, Vec int
 }
 
 // The memory of several steps does not begin anew within one: its polynomial goes through values alone.
-void ShorterStep::set_up(FusedTs* fused, const Method& method, Implicit implicit, bool adaptive) {
+void ShorterStep::set_up(FusedStepper* fused, const Method& method, Implicit implicit, bool adaptive) {
   fused_ = fused;
   implicit_ = implicit;
   adaptive_ = adaptive;
@@ -143,7 +143,7 @@ bool ShorterStep::take_by_library(Vec before, double t, double length, const Tol
     own_ = std::make_unique<Integrator>(model_, spec, u, "between_");
   }
   own_->set_tolerances(tolerances);
-  SS_TRY(TSSetTimeStep(own_->ts(), length));
+  own_->set_next_step(length);
   const double time = model_.time();
   bool done = true;
   try {

@@ -12,7 +12,7 @@
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/fused_ts.hpp"
+#include "time/stepper.hpp"
 
 namespace stickslip {
 
@@ -57,7 +57,7 @@ class ShorterStep {
   explicit ShorterStep(const Model& model) : model_(model) {}
 
   // What takes the steps: `fused`, or where there is none the library's steps of `method` with `implicit`.
-  void set_up(FusedTs* fused, const Method& method, Implicit implicit, bool adaptive);
+  void set_up(FusedStepper* fused, const Method& method, Implicit implicit, bool adaptive);
   // Whether u is needed at the beginning of each step that is asked for values within.
   bool may_be_asked() const { return asks_; }
 
@@ -73,7 +73,7 @@ class ShorterStep {
   bool take_by_library(Vec before, double t, double length, const Tolerances& tolerances, Vec u);
 
   const Model& model_;
-  FusedTs* fused_ = nullptr;
+  FusedStepper* fused_ = nullptr;
   MethodSpec spec_;
   Implicit implicit_ = Implicit::none;
   bool always_ = false, asks_ = false, adaptive_ = false;

@@ -112,6 +112,49 @@ std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
   throw std::logic_error("no fused steps for ts_type " + type);
 }
 
+namespace {
+
+constexpr struct {
+  const char *fused, *library;
+} type_names[] = {{"fusedrk", TSRK}, {"fusedarkimex", TSARKIMEX}, {leapfrog_type, leapfrog_type}};
+
+// A TS that holds options and a name.
+PetscErrorCode create_holder(TS ts, const char* name) {
+  PetscFunctionBegin;
+  TSAdapt adapt;
+  TSAdaptType control;
+  PetscCall(TSSetType(ts, TSEULER));
+  PetscCall(PetscObjectChangeTypeName(reinterpret_cast<PetscObject>(ts), name));
+  PetscCall(TSGetAdapt(ts, &adapt));
+  PetscCall(TSAdaptGetType(adapt, &control));
+  if (!control) PetscCall(TSAdaptSetType(adapt, TSADAPTBASIC));
+  PetscFunctionReturn(0);
+}
+template <int number>
+PetscErrorCode create(TS ts) {
+  return create_holder(ts, type_names[number].fused);
+}
+
+}  // namespace
+
+std::string fused_type(const std::string& type) {
+  for (const auto& names : type_names)
+    if (type == names.library) return names.fused;
+  return "";
+}
+
+std::string library_type(const std::string& fused) {
+  for (const auto& names : type_names)
+    if (fused == names.fused) return names.library;
+  return "";
+}
+
+void register_fused_types() {
+  SS_TRY(TSRegister(type_names[0].fused, create<0>));
+  SS_TRY(TSRegister(type_names[1].fused, create<1>));
+  SS_TRY(TSRegister(type_names[2].fused, create<2>));
+}
+
 StageProgram tableau_of(TS rk) {
   const RkParts t(rk);
   StageProgram tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};

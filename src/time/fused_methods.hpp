@@ -1,5 +1,10 @@
-// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values
-// between steps; and leapfrog, which the library does not have.
+// Methods whose stages are taken tile by tile (stepper.hpp): what they take from the library's own types,
+// subtypes, tableaus, values between steps; and leapfrog, which the library does not have. `-ts_type` names
+// them too:
+//
+//     fusedrk       rk: -ts_rk_type names the tableau
+//     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
+//     leapfrog      Stoermer and Verlet's, friction by the midpoint rule
 #pragma once
 
 #include <memory>
@@ -34,6 +39,12 @@ class FusedMethod {
   // A TS of the library's type with this tableau; nullptr where none is needed.
   virtual TS library() const { return nullptr; }
 };
+
+// The type that takes the steps of the library's `type` tile by tile, and the way back; "" where there is
+// none. Leapfrog, of which the library has nothing, is both.
+std::string fused_type(const std::string& type);
+std::string library_type(const std::string& fused);
+void register_fused_types();  // as names that -ts_type accepts and -ts_view shows
 
 // The tableau of a TS of type rk.
 StageProgram tableau_of(TS rk);

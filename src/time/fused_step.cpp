@@ -160,7 +160,13 @@ long TiledStep::through(const Tile& t, const Step& step) const {
     if (is_taken) --ahead;
     const Range own = around(t, ahead);
     unsolved += values_of(t, i, step, wide, own);
-    if (is_taken) take_slope(t, i, step, own);
+    if (!is_taken) continue;
+    const int index = i == 0 && !additive_ ? 0 : 1;
+    stretch(t, index, stage.f, own.begin, own.end);
+    if (additive_)
+      finish_explicit(t, stage.f, own.begin, own.end);
+    else
+      add_pointwise(t, index, stage.f, at_stage(step, stage), own.begin, own.end);
   }
   for (int d = 0; d < tiles_.dof(); ++d) {
     const Row& row = solution_[has_explicit(d)];
@@ -195,19 +201,6 @@ long TiledStep::values_of(const Tile& t, int i, const Step& step, Range wide, Ra
                  target_ > 0 ? target_ : step.norm.tolerances.solver_target(), step.norm.tolerances.scales,
                  step.estimate},
                 wide.begin, wide.end);
-}
-
-// f of stage i: the whole right-hand side, or what of it is explicit.
-void TiledStep::take_slope(const Tile& t, int i, const Step& step, Range range) const {
-  const auto [begin, end] = range;
-  const Stage& stage = stages_[i];
-  const int index = i == 0 && !additive_ ? 0 : 1;
-  stretch(t, index, stage.f, begin, end);
-  if (additive_) {
-    finish_explicit(t, stage.f, begin, end);
-  } else {
-    add_pointwise(t, index, stage.f, at_stage(step, stage), begin, end);
-  }
 }
 
 void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {

@@ -98,7 +98,6 @@ class TiledStep : public StepTaker {
   // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
   long through(const Tile& t, const Step& step) const;
   long values_of(const Tile& t, int i, const Step& step, Range wide, Range own) const;
-  void take_slope(const Tile& t, int i, const Step& step, Range range) const;
   // On [begin, end) of the values in columns `index`: K1 D2 psi (D2 psi where neighbours have viscosity) into
   // the eta of columns `slope`, where psi holds half_width more nodes at either side; and the sum over
   // all terms, with what stands in that eta.

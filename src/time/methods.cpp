@@ -10,7 +10,9 @@
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/fused_methods.hpp"
-#include "time/fused_ts.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/register_method.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
@@ -21,6 +23,20 @@ constexpr auto implicit = MethodKind::implicit;
 constexpr auto never = Adaptivity::never;
 constexpr auto on_request = Adaptivity::on_request;
 constexpr auto yes = Adaptivity::yes;
+
+// The methods that register_method() added.
+struct RegisteredMethod {
+  Method method;
+  PetscErrorCode (*create)(TS);
+};
+struct Registry {
+  std::vector<RegisteredMethod> methods;
+  bool read = false;  // no more can be added
+};
+Registry& registry() {
+  static Registry all;
+  return all;
+}
 
 }  // namespace
 
@@ -85,26 +101,14 @@ std::vector<Method> make_table() {
        "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/abs(lambda)^2"},
       {"alpha", "", implicit, 2, on_request,
        "generalised alpha: damps the shortest waves by ts_alpha_radius"},
+      {leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"},
   };
-  if (!FusedTs::fused_type(leapfrog_type).empty())
-    table.push_back({leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"});
   for (const AddedTableau& added : added_tableaus()) table.push_back(added.method);
-  for (const RegisteredMethod& registered : registered_methods()) table.push_back(registered.method);
+  for (const RegisteredMethod& registered : registry().methods) table.push_back(registered.method);
   return table;
 }
 
-struct Registry {
-  std::vector<RegisteredMethod> methods;
-  bool read = false;  // no more can be added
-};
-Registry& registry() {
-  static Registry all;
-  return all;
-}
-
 }  // namespace
-
-const std::vector<RegisteredMethod>& registered_methods() { return registry().methods; }
 
 void register_method(const Method& method, PetscErrorCode (*create)(TS),
                      const std::vector<std::string>& options) {
@@ -146,7 +150,7 @@ void check_type_offered(const std::string& type) {
       {"basicsymplectic", "it is for Hamiltonian systems, and friction is none"},
       {"discgrad", "it is for gradient systems, and friction is none"}};
   const auto& all = methods();
-  if (!FusedTs::library_type(type).empty()) return;
+  if (!library_type(type).empty()) return;
   std::vector<std::string> types;
   for (const Method& m : all)
     if (std::find(types.begin(), types.end(), m.type) == types.end()) types.push_back(m.type);
@@ -245,6 +249,18 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
     throw usage_error("{}{} takes everything implicitly; use arkimex, or both", says, spec.type);
   return spec;
+}
+
+void register_time_steppers() {
+  static bool done = false;
+  if (std::exchange(done, true)) return;
+  register_fused_types();
+  for (const AddedTableau& t : added_tableaus()) {
+    const PetscInt stages = t.b.size();
+    SS_TRY(TSRKRegister(t.method.subtype, t.method.order, stages, t.A.data(), t.b.data(), nullptr,
+                        t.embedded.empty() ? nullptr : t.embedded.data(), 0, nullptr));
+  }
+  for (const RegisteredMethod& own : registry().methods) SS_TRY(TSRegister(own.method.type, own.create));
 }
 
 }  // namespace stickslip

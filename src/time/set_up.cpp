@@ -33,12 +33,12 @@ class UsualNorm {
   UsualNorm(const UsualNorm&) = delete;
   UsualNorm& operator=(const UsualNorm&) = delete;
 
- private:
   static bool names_few(const Model& model) {
     return Stick::applies_to(model.scene()) ||
            (model.scene().massless() && model.friction_law(0).steep);
   }
 
+ private:
   std::string name_;
   bool set_ = false;
 };
@@ -49,13 +49,13 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   create_ts(u);
   const Rates rates = rates_of(model, u);
   const Choice choice = choose_method(model, rates, spec, prefix);
-  SS_TRY(TSSetType(ts, (choice.named_fused ? FusedTs::fused_type(choice.type) : choice.type).c_str()));
-  set_subtype(choice.type, choice.subtype);
-  check_subtype_option(choice.type);
-  equations = std::make_unique<Equations>(model, choice.implicit);
-  const bool asks_no_solver = will_fuse(choice);  // nor a matrix, which would be most of the run's memory
-  const MethodKind kind = asks_no_solver ? MethodKind::explicit_ : offered_type(choice.type).kind;
-  equations->attach(ts, kind, prefix);
+  implicit = choice.implicit;
+  SS_TRY(TSSetType(ts, (choice.named_fused ? fused_type(choice.type) : choice.type).c_str()));
+  if (!choice.named_fused) set_subtype(choice.type, choice.subtype);
+  const std::string given = given_subtype(choice.type);
+  const bool fuses = will_fuse(choice);  // asks no solver, nor a matrix, most of a run's memory
+  if (!fuses)
+    stepper = std::make_unique<PetscStepper>(model, ts, implicit, offered_type(choice.type).kind, prefix, loop());
   set_step_control(spec, rates);
   {
     const UsualNorm norm(model, prefix);
@@ -64,18 +64,18 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   // What the method was given overrides the options of PETSc.
   if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));
   SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
-  if (asks_no_solver) fuse(choice);
+  if (fuses) fuse(choice, given.empty() ? choice.subtype : given);
   set_tolerances(tolerances_of(spec));
-  SS_TRY(TSSetUp(ts));
-  method = &offered_method(choice.type, subtype_now(choice.type));
-  if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, advance);
+  if (!fuses) SS_TRY(TSSetUp(ts));
+  method = &offered_method(choice.type, fuses ? fused->subtype() : subtype_now(choice.type));
+  if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, *stepper, fused, drive);
   read_adaptivity(spec.step > 0, u);
   SS_TRY(TSGetTimeStep(ts, &fixed_dt));
+  drive.h = fixed_dt;
   set_dense_output();
-  shorter.set_up(fused, *method, choice.implicit, adaptive);
-  if (!fused && (guard.undoes() || dense || stick || shorter.may_be_asked())) kept = model.create_vector();
-  advance.report.method = method->name();
-  advance.report.implicit = choice.implicit;
+  shorter.set_up(fused, *method, implicit, adaptive);
+  drive.report.method = method->name();
+  drive.report.implicit = implicit;
 }
 
 // As given with the method, else as the options say.
@@ -88,24 +88,10 @@ Tolerances Integrator::Impl::tolerances_of(const MethodSpec& spec) const {
                                      : Tolerances::automatic(scales, relative, spec.parts);
 }
 
-// Also those of the library's own types, which weigh by vectors what differs from unknown to unknown.
 void Integrator::Impl::set_tolerances(const Tolerances& given) {
   tolerances = given;
-  equations->solve_to(given, given.solver_target());
-  if (fused) fused->weigh_errors_by(given);
   SS_TRY(TSSetTolerances(ts, given.absolute[0], nullptr, given.relative[0], nullptr));
-  const bool alike = given.absolute[1] == given.absolute[0] && given.relative[2] == given.relative[0] &&
-                     given.absolute[2] == given.absolute[0];
-  if (FusedTs::of(ts) || alike) return;
-  const VecHandle absolute = model.create_vector(), relative = model.create_vector();
-  {
-    const Writing a(absolute), r(relative);
-    for (PetscInt i = 0; i < model.local() * model.dof(); ++i) {
-      a[i] = given.absolute[i % model.dof()];
-      r[i] = given.relative[i % model.dof()];
-    }
-  }
-  SS_TRY(TSSetTolerances(ts, PETSC_DECIDE, absolute, PETSC_DECIDE, relative));
+  stepper->set_tolerances(given);
 }
 
 void Integrator::Impl::create_ts(Vec u) {
@@ -115,11 +101,8 @@ void Integrator::Impl::create_ts(Vec u) {
   SS_TRY(DMShellCreate(model.comm(), dm.out()));
   SS_TRY(DMShellSetGlobalVector(dm, u));
   SS_TRY(TSSetDM(ts, dm));
-  SS_TRY(TSSetApplicationContext(ts, this));
   SS_TRY(TSSetProblemType(ts, TS_NONLINEAR));
   SS_TRY(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_MATCHSTEP));
-  SS_TRY(TSSetPreStep(ts, PreStep));
-  SS_TRY(TSSetPostStep(ts, PostStep));
   SS_TRY(TSSetSolution(ts, u));
 }
 
@@ -132,15 +115,17 @@ void Integrator::Impl::set_subtype(const std::string& type, const std::string& n
   if (type == TSBDF) SS_TRY(TSBDFSetOrder(ts, std::stoi(name)));
 }
 
-// The user's subtype, before the library meets one that it does not know.
-void Integrator::Impl::check_subtype_option(const std::string& type) const {
+// The user's subtype, "" where none is named, before the library meets one that it does not know.
+std::string Integrator::Impl::given_subtype(const std::string& type) const {
   const std::string option = subtype_option(type);
   char subtype[80];
   PetscBool set = PETSC_FALSE;
   if (!option.empty())
     SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), subtype, sizeof subtype,
                                  &set));
-  if (set) (void)offered_method(type, subtype);
+  if (!set) return "";
+  (void)offered_method(type, subtype);
+  return subtype;
 }
 
 std::string Integrator::Impl::subtype_now(const std::string& type) const {
@@ -167,26 +152,31 @@ void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rat
 
 // Whether steps are taken tile by tile.
 bool Integrator::Impl::will_fuse(const Choice& choice) const {
-  const std::string fused_type = FusedTs::fused_type(choice.type);
-  if (!choice.fused || fused_type.empty()) return false;
+  if (!choice.fused || fused_type(choice.type).empty()) return false;
   if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
   if (!choice.named_fused) return false;
-  throw usage_error("ts_adapt_max_ignore: ts_type {} does not support it; use ts_type {}", fused_type,
-                    choice.type);
+  throw usage_error("ts_adapt_max_ignore: ts_type {} does not support it; use ts_type {}",
+                    fused_type(choice.type), choice.type);
 }
 
 // Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the
 // library's own.
-void Integrator::Impl::fuse(const Choice& choice) {
-  const std::string fused_type = FusedTs::fused_type(choice.type);
-  if (!choice.named_fused) {
-    const std::string subtype = subtype_now(choice.type);
-    SS_TRY(TSSetType(ts, fused_type.c_str()));
-    set_subtype(choice.type, subtype);
-  }
-  fused = FusedTs::of(ts);
-  fused->bind(model, choice.implicit, Stick::applies_to(model.scene()),
-              [this](double until) { return !dense && output_due(until); });
+void Integrator::Impl::fuse(const Choice& choice, const std::string& subtype) {
+  SS_TRY(TSSetType(ts, fused_type(choice.type).c_str()));
+  std::unique_ptr<FusedMethod> steps = FusedMethod::of(choice.type);
+  if (!subtype.empty()) steps->set_subtype(subtype.c_str());
+  auto made = std::make_unique<FusedStepper>(model, ts, std::move(steps), implicit,
+                                             Stick::applies_to(model.scene()), loop());
+  fused = made.get();
+  stepper = std::move(made);
+}
+
+Stepper::Loop Integrator::Impl::loop() {
+  return {[this](double until) {
+            if (fused) return !dense && output_due(until);
+            return stick || ((dense || shorter.may_be_asked()) && output_due(until));
+          },
+          [this] { drive.idling.at(drive.t_before, {}, drive.same_time); }};
 }
 
 // What the user may rely on and would not get.
@@ -206,30 +196,19 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
     SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
   }
   adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
-  guard.set_up(ts, method->type, adaptive);
-  if (!adaptive) {  // there is no tolerance: what the steps err by is all theirs
-    equations->solve_to(tolerances, 1e-11);
-    return warn_of_fixed_step(step_given);
-  }
+  stepper->set_up(*method, adaptive, most_rejections());
+  if (fused)
+    fused->control_by(StepControl(ts, prefix, UsualNorm::names_few(model) ? NORM_INFINITY : NORM_2));
+  if (!adaptive) return warn_of_fixed_step(step_given);
   PetscReal longest;
   SS_TRY(TSAdaptGetStepLimits(adapt, &floor, &longest));
   clock_limits = model.friction_law(0).steep;
   // the library's 1e-20 is of one unit; what shrinks below the digits of the time is found out (base/idling)
   if (method->type != std::string(TSBDF) && !user_set(prefix, "ts_adapt_dt_min"))
     SS_TRY(TSAdaptSetStepLimits(adapt, floor = 0, longest));
-  allow_rejections();
-  refuse_below_round_off(u);
-}
-
-void Integrator::Impl::allow_rejections() const {
-  SS_TRY(TSSetFunctionDomainError(ts, DomainError));
-  SS_TRY(TSSetPostStage(ts, PostStage));
-  SS_TRY(TSSetPreStage(ts, PreStage));
-  // A failure of Newton's method rejects the step; a start 1e20 times too large is found out.
-  if (!user_set(prefix, "ts_max_snes_failures")) SS_TRY(TSSetMaxSNESFailures(ts, -1));
-  SS_TRY(TSSetMaxStepRejections(ts, most_rejections()));
   if (user_set(prefix, "ts_adapt_always_accept"))
     warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
+  refuse_below_round_off(u);
 }
 
 PetscInt Integrator::Impl::most_rejections() const {

@@ -1,4 +1,4 @@
-// What takes a whole step of a method for the types of TS of fused_ts.hpp.
+// What takes a whole step of a method for the types of TS of stepper.hpp.
 #pragma once
 
 #include <array>

@@ -176,24 +176,13 @@ void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
   }
 }
 
-PetscInt Tiles::split_at(PetscInt part, PetscInt parts) const { return std::int64_t(part) * local_ / parts; }
+PetscInt Tiles::count() const { return closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes; }
 
-void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
-                 const std::function<void(const Tile&)>& after) const {
-  if (scatter_) fetch(u);
-  const Reading halo(scatter_ ? fetched_.get() : nullptr), a(u);
-  const Writing b(u_new);
-  const PetscInt tiles = closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes;
-  for (PetscInt j = 0; j < tiles; ++j) {
-    const PetscInt begin = split_at(j, tiles), end = split_at(j + 1, tiles);
-    const Tile tile =
-        closed_ ? Tile{low_, high_, 0, local_, low_, high_}
-                : Tile{begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
-    load(tile, a, halo);
-    through(tile);
-    store(tile, 1, b);
-    after(tile);
-  }
+Tile Tiles::tile(PetscInt number, PetscInt reach) const {
+  if (closed_) return {low_, high_, 0, local_, low_, high_};
+  const auto split_at = [&](PetscInt part) { return PetscInt(std::int64_t(part) * local_ / count()); };
+  const PetscInt begin = split_at(number), end = split_at(number + 1);
+  return {begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
 }
 
 void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,

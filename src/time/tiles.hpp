@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/local_values.hpp"
 #include "model/kernel.hpp"
 #include "stickslip/model/model.hpp"
 #include "time/step_errors.hpp"
@@ -56,8 +57,19 @@ class Tiles {
 
   // Passes through all tiles, each with `reach` nodes loaded at either side: u is in columns 0, and `through`
   // leaves the new values in columns 1, which go to u_new. Then `after` looks at the tile. Collective.
-  void pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
-            const std::function<void(const Tile&)>& after) const;
+  template <class Through, class After>
+  void pass(Vec u, Vec u_new, PetscInt reach, const Through& through, const After& after) const {
+    if (scatter_) fetch(u);
+    const Reading halo(scatter_ ? fetched_.get() : nullptr), a(u);
+    const Writing b(u_new);
+    for (PetscInt j = 0; j < count(); ++j) {
+      const Tile t = tile(j, reach);
+      load(t, a, halo);
+      through(t);
+      store(t, 1, b);
+      after(t);
+    }
+  }
 
   // ---- within a tile ---- Column 0: u, 1: y (a stage, or the new u), from 2 on: slopes. Node i of the tile
   // for unknown d (0 psi, 1 eta, 2 the state) is column(...)[i - from].
@@ -101,7 +113,8 @@ class Tiles {
   }
   std::vector<std::pair<PetscInt, double>> beyond(PetscInt node) const;
   PetscInt wrapped(PetscInt node) const { return ((node % n_) + n_) % n_; }
-  PetscInt split_at(PetscInt part, PetscInt parts) const;
+  PetscInt count() const;
+  Tile tile(PetscInt number, PetscInt reach) const;  // of them
   void set_amplitude();
   void set_up_scatter();
   void fetch(Vec from) const;

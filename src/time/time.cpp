@@ -8,111 +8,107 @@
 
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
-#include "time/allowed_error.hpp"
 #include "time/at_once.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {
 
-// ---- what the TS calls
-// ------------------------------------------------------------------------------------------
+// ---- a run
+// ------------------------------------------------------------------------------------------------------
 
-Integrator::Impl& Integrator::Impl::of(TS ts) {
-  void* context;
-  SS_TRY(TSGetApplicationContext(ts, &context));
-  return *static_cast<Impl*>(context);
+void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer,
+                             std::int64_t max_steps) {
+  drive.observer = &observer;
+  drive.u = u;
+  drive.t = drive.t_before = t;
+  drive.t_end = drive.run_end = t_end;
+  drive.stop_asked = drive.plate_is_over = false;
+  drive.restarts = drive.first = true;
+  drive.idling.restart();
+  drive.max_steps = max_steps;
+  drive.evaluations_before = model.rhs_evaluations();
+  SS_TRY(TSSetSolution(ts, u));
+  SS_TRY(TSSetMaxTime(ts, t_end));
+  SS_TRY(TSSetMaxSteps(ts, PetscInt(std::min<std::int64_t>(max_steps, std::numeric_limits<PetscInt>::max()))));
+  drive.update_report(model);
+  if (from_checkpoint) pass_corner(u, t);
+  model.begin_load(t);
+  if (!from_checkpoint) {
+    drive.plate->set(model, t, t, true);
+    drive.tell(step_now());
+  }
+  from_checkpoint = false;
 }
 
-PetscErrorCode Integrator::Impl::PreStep(TS ts) {
-  return guarded([&] { of(ts).begin_step(); });
+// From step to step, and from one corner of the loads to the next.
+void Integrator::Impl::solve(Vec u) {
+  begin_piece(u);
+  while (drive.goes_on()) {
+    begin_step();
+    const Stepper::Outcome outcome = stepper->step(
+        u, {drive.t, drive.h, drive.t_end, drive.steps, drive.restarts, drive.first});
+    after_step(outcome);
+    if (drive.goes_on() || drive.stop_asked || drive.t >= drive.run_end || drive.t < drive.t_end) continue;
+    pass_corner(u, drive.t);
+    if (!adaptive) drive.h = fixed_dt;
+    begin_piece(u);
+  }
+  monitor();
 }
-PetscErrorCode Integrator::Impl::PreStage(TS ts, PetscReal) {
-  return guarded([&] {
-    Impl& self = of(ts);
-    if (!self.guard.repeats(ts, self.kept)) return;
-    self.advance.idling.at(self.advance.t_before, {}, self.advance.same_time);
-    self.equations->begin_step(ts);  // for the shorter step
-  });
+
+// Steps meet the next corner, or the end.
+void Integrator::Impl::begin_piece(Vec u) {
+  if (model.scene().forced()) {
+    drive.t_end = std::min(drive.run_end, model.scene().next_corner(drive.t));
+    model.begin_load(drive.t);
+    drive.h = std::min(drive.h, drive.t_end - drive.t);
+  }
+  drive.restarts = true;
+  if (stick) stick->start(u, adaptive ? 0 : model.scene().forced() ? fixed_dt : drive.h);
+  const double left = drive.t_end - drive.t;
+  if (left <= 0) return;  // it rested to its end
+  if (drive.h >= left || std::abs(drive.h - left) <= 10 * PETSC_MACHINE_EPSILON * left) drive.h = left;
 }
-PetscErrorCode Integrator::Impl::PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
-  return guarded([&] {
-    of(ts).guard.after_stage(index);
-  });
+
+// At a corner of the loads steps end, and checkpoints hold what was before it.
+void Integrator::Impl::pass_corner(Vec u, double t) const {
+  model.begin_load(std::nextafter(t, -1.));
+  model.pass_corner(u, t);
 }
-PetscErrorCode Integrator::Impl::DomainError(TS ts, PetscReal, Vec u, PetscBool* accept) {
-  return guarded([&] { *accept = of(ts).guard.accepts(u) ? PETSC_TRUE : PETSC_FALSE; });
+
+// The TS is told where the run stands, for PETSc's own steps and for its monitors. It counts steps in a
+// PetscInt: from 1 on again where it has come to 2^30.
+void Integrator::Impl::monitor() const {
+  constexpr std::int64_t most_counted = std::int64_t(1) << 30;
+  const std::int64_t counted = drive.steps > 0 ? (drive.steps - 1) % most_counted + 1 : 0;
+  SS_TRY(TSSetTime(ts, drive.t));
+  SS_TRY(TSSetTimeStep(ts, drive.h));
+  SS_TRY(TSSetStepNumber(ts, PetscInt(counted)));
+  SS_TRY(TSMonitor(ts, PetscInt(counted), drive.t, drive.u));
 }
-PetscErrorCode Integrator::Impl::PostStep(TS ts) {
-  return guarded([&] { of(ts).after_step(); });
+
+void Integrator::Impl::view(const char* option) const {
+  PetscViewer viewer;
+  PetscViewerFormat format;
+  PetscBool asked;
+  SS_TRY(PetscOptionsGetViewer(model.comm(), nullptr, prefix.c_str(), option, &viewer, &format, &asked));
+  if (!asked) return;
+  SS_TRY(PetscViewerPushFormat(viewer, format));
+  stepper->view(viewer, drive.report.rejections);
+  SS_TRY(PetscViewerPopFormat(viewer));
+  SS_TRY(PetscViewerDestroy(&viewer));
 }
 
 // ---- one step
 // ---------------------------------------------------------------------------------------------------
 
-// Where friction is steep it goes by ln psi, and psi far below its scale may be off by decades. What errors
-// may be is said anew for each step there:
-// - Without mass psi follows from eta and the state, d ln psi = (d eta - F_s ds)/(psi (B + F_psi)): errors of
-//   both are judged by what they make of ln psi, of which each may be rtol. psi F_psi of a logarithm is the
-//   same at every psi; where it bends at rest, below the plate's velocity, that is what is taken.
-// - A Rosenbrock method solves linear equations alone, and psi that rises by e-folds within a step falls
-//   behind its force, which nothing shows but what its error makes of the force.
-void Integrator::Impl::narrow_errors() {
-  const Scene& s = model.scene();
-  const bool linear = method->type == std::string(TSROSW);
-  if (!adaptive || !model.friction_law(0).steep || !(s.massless() || linear)) return;
-  if (!allowed) {
-    allowed = model.create_vector();
-    no_part = model.create_vector();
-  }
-  Vec u;
-  SS_TRY(TSGetSolution(ts, &u));
-  const double usual = scales_of(s).velocity;
-  const int dof = model.dof();
-  {
-    const Reading a(u);
-    const Writing into(allowed);
-    for (PetscInt i = 0; i < model.local(); ++i) {
-      const double *const at = a + i * dof, state = dof == 3 ? at[2] : 0;
-      double* const of = into + i * dof;
-      for (int d = 0; d < dof; ++d) of[d] = allowed_error(tolerances, d, at[d]);
-      if (s.massless()) of[0] = 0;  // psi is no unknown
-      if (s.held(model.first() + i)) continue;
-      if (!s.massless()) {
-        of[0] = std::min(of[0], of[1] / model.friction(i, at[0], state).F_psi);
-        continue;
-      }
-      const double size = std::abs(at[0]), from = std::max(size, usual);
-      const Partials p = model.friction(i, from, state);
-      const double eta = tolerances.relative[0] * (s.B() * size + from * p.F_psi);
-      of[1] = std::min(of[1], eta);
-      if (dof == 3) of[2] = std::min(of[2], eta / std::abs(p.F_state));
-    }
-  }
-  SS_TRY(TSSetTolerances(ts, PETSC_DECIDE, allowed, PETSC_DECIDE, no_part));
-}
-
 void Integrator::Impl::begin_step() {
-  double dt;
-  SS_TRY(TSGetTime(ts, &advance.t_before));
-  SS_TRY(TSGetTimeStep(ts, &dt));
-  SS_TRY(TSGetStepRejections(ts, &advance.rejections_seen));
-  rejections_before = advance.report.rejections;
+  drive.t_before = drive.t;
   if (stick) stick->engage();
   if (dense) dense->forget();
   shorter.forget();
-  guard.begin_step(ts);
-  equations->begin_step(ts);
-  narrow_errors();
   if (clock_limits) set_floor();
-  // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall
-  // in.
-  const bool may_need_it = dense || shorter.may_be_asked();
-  has_kept =
-      !fused && (guard.undoes() || stick || (may_need_it && output_due(advance.t_before + dt * (1 + 1e-12))));
-  if (!has_kept) return;
-  Vec u;
-  SS_TRY(TSGetSolution(ts, &u));
-  SS_TRY(VecCopy(u, kept));
+  monitor();
 }
 
 namespace {
@@ -126,22 +122,24 @@ void Integrator::Impl::set_floor() const {
   double longest;
   SS_TRY(TSGetAdapt(ts, &adapt));
   SS_TRY(TSAdaptGetStepLimits(adapt, nullptr, &longest));
-  SS_TRY(TSAdaptSetStepLimits(adapt, std::min(std::max(floor, clock * std::abs(advance.t_before)), longest),
+  SS_TRY(TSAdaptSetStepLimits(adapt, std::min(std::max(floor, clock * std::abs(drive.t_before)), longest),
                               longest));
 }
 
-void Integrator::Impl::after_step() {
-  TSConvergedReason reason;
-  SS_TRY(TSGetConvergedReason(ts, &reason));
-  if (reason < 0) return;  // no step was taken; advance() says why
+void Integrator::Impl::after_step(const Stepper::Outcome& outcome) {
+  drive.report.rejections += outcome.rejections;
+  if (outcome.kind != Stepper::Outcome::taken) fail(outcome);
+  drive.t = outcome.t;
+  drive.h = outcome.next_h;
+  drive.first = false;
+  drive.restarts = model.scene().massless();  // its psi is put in behind the step
+  ++drive.steps;
+  drive.update_report(model);
   const Step step = step_now();
-  const double reached = advance.report.t, dt = step.t - advance.t_before;
-  const bool seen = guard.knows_solution() && !model.scene().massless();  // psi was put in just now
-  const bool known = seen || (fused && fused->finite());
-  advance.update_report(ts, model);
+  const double dt = step.t - drive.t_before;
   model.solve_velocities(step.u);
-  if (!known && !guard.all_finite(step.u)) {
-    advance.report.t = reached;
+  if (!outcome.finite && !all_finite(step.u)) {
+    drive.report.t = drive.t_before;
     throw failure("the solution is not finite after step {} (t = {}): {}", step.index, number_text(step.t),
                   advice(dt));
   }
@@ -151,18 +149,17 @@ void Integrator::Impl::after_step() {
                   lost.empty() ? "loosen ts_rtol and ts_atol, or remove jumps from the scene" : lost);
   }
   check_floor(step);
-  if (reaches_balance(step)) SS_TRY(TSRestartStep(ts));
-  if (stick) return stick->after(step, before());
-  advance.tell(ts, step);
-  advance.done(ts, step);
+  if (reaches_balance(step, outcome.rejections > 0)) drive.restarts = true;
+  if (stick) return stick->after(step);
+  drive.tell(step);
+  drive.done(step);
 }
 
 // Steps meet what falls at once by being rejected, or end at their floor. What bdf remembers of earlier steps
 // does not go with a psi that was put in.
-bool Integrator::Impl::reaches_balance(const Step& step) const {
-  const bool was_rejected = advance.report.rejections > rejections_before;
+bool Integrator::Impl::reaches_balance(const Step& step, bool was_rejected) const {
   return adaptive && method->type != std::string(TSBDF) && (was_rejected || steps_at_floor > 0) &&
-         balance_at_once(model, tolerances, std::max(advance.same_time, clock * std::abs(step.t)), step.u);
+         balance_at_once(model, tolerances, std::max(drive.same_time, clock * std::abs(step.t)), step.u);
 }
 
 std::string Integrator::Impl::instead() const {
@@ -184,10 +181,10 @@ void Integrator::Impl::check_floor(const Step& step) {
   const double reach = least * (1 + 1e-7) + 2 * std::numeric_limits<double>::epsilon() * std::abs(step.t);
   // close to the end steps are cut to hit it
   const bool at_floor = !(step.t - step.t_before > reach || step.next_dt > reach ||
-                          step.t + 2 * reach >= advance.t_end);
+                          step.t + 2 * reach >= drive.t_end);
   steps_at_floor = at_floor ? steps_at_floor + 1 : 0;
   if (!at_floor || (least > floor && steps_at_floor < most)) return;
-  advance.report.t = advance.t_before;
+  drive.report.t = drive.t_before;
   if (least > floor)
     throw failure(
         "the step has shrunk to nothing at t = {} (step {}): {} in a row are as short as the digits of the "
@@ -201,26 +198,18 @@ void Integrator::Impl::check_floor(const Step& step) {
 }
 
 Integrator::Step Integrator::Impl::step_now() {
-  Vec u;
-  double t, dt;
-  SS_TRY(TSGetSolution(ts, &u));
-  SS_TRY(TSGetTime(ts, &t));
-  SS_TRY(TSGetTimeStep(ts, &dt));
   // this one was cut short to end at a corner
-  if (!adaptive && t == advance.t_end && t < advance.run_end) dt = fixed_dt;
-  return {
-      advance.steps(ts), advance.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
+  const bool cut = !adaptive && drive.t == drive.t_end && drive.t < drive.run_end;
+  return {drive.steps, drive.t_before, drive.t, drive.u, cut ? fixed_dt : drive.h,
+          [this](double at, Vec into) { interpolate(at, into); }};
 }
 
 std::string Integrator::Impl::advice(double dt) const {
-  Vec u;
-  SS_TRY(TSGetSolution(ts, &u));
-  if (const std::string lost = model.velocity_jump(u); !lost.empty()) return lost;
+  if (const std::string lost = model.velocity_jump(drive.u); !lost.empty()) return lost;
   const Law law = model.scene().friction.law;
   if (!law->only_for.empty())
     return fmt::format("friction_law {} holds for {} alone, and a step may have led beyond", to_string(law),
                        law->only_for);
-  const Implicit implicit = equations->implicit();
   if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
   std::string text = fmt::format("an explicit step of {} is too large", number_text(dt));
   const double frequency = model.wave_frequency();
@@ -234,147 +223,56 @@ std::string Integrator::Impl::advice(double dt) const {
   return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
 }
 
+void Integrator::Impl::fail(const Stepper::Outcome& outcome) const {
+  const std::string at =
+      fmt::format(" at t = {} (step {})", number_text(drive.report.t), drive.report.steps);
+  if (outcome.kind == Stepper::Outcome::not_finite)
+    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(drive.report.t),
+                  drive.report.steps, advice(outcome.next_h));
+  if (outcome.kind == Stepper::Outcome::not_solved)
+    throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
+  if (const std::string lost = model.velocity_jump(drive.u); !lost.empty()) throw Failure(lost + at);
+  throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) +
+                " times (ts_max_reject)" + at +
+                (stepper->solved() ? "" : ": Newton's method fails in the implicit part") +
+                "; reduce ts_dt or loosen ts_rtol and ts_atol" + instead());
+}
+
 // ---- between steps
 // ----------------------------------------------------------------------------------------------
 
 bool Integrator::Impl::output_due(double until) {
-  return next_output_time && next_output_time(advance.t_before) <= until;
+  return next_output_time && next_output_time(drive.t_before) <= until;
 }
 
 void Integrator::Impl::interpolate(double at, Vec into) {
-  double t;
-  Vec u;
-  SS_TRY(TSGetTime(ts, &t));
-  SS_TRY(TSGetSolution(ts, &u));
+  const double t = drive.t;
+  const Vec u = drive.u, before = stepper->before();
   // The end of a step may miss the time that it was to meet by round-off; a polynomial through slopes misses
   // u by its error.
   if (std::abs(at - t) <= 4 * std::numeric_limits<double>::epsilon() * std::abs(t)) {
     SS_TRY(VecCopy(u, into));
     return;
   }
-  const double dt = t - advance.t_before, part = (at - advance.t_before) / dt;
-  const bool has_begin = fused || has_kept;
-  if (dense && !has_begin) throw std::logic_error("interpolation at a time that was not announced");
-  if (has_begin && shorter.is_needed(before(), u, dt)) {
-    if (stick) stick->engage();
-    shorter.take(before(), u, advance.t_before, dt, part, tolerances, into);
-  } else if (dense) {
-    if (stick) stick->engage();
-    dense->interpolate(before(), u, advance.t_before, dt, part, into);
-  } else if (fused) {
-    fused->interpolate(part, into);
-  } else {
-    SS_TRY(TSInterpolate(ts, at, into));
-  }
+  const double dt = t - drive.t_before, part = (at - drive.t_before) / dt;
+  if (dense && !before) throw std::logic_error("interpolation at a time that was not announced");
+  const bool by_step = before && shorter.is_needed(before, u, dt);
+  if (stick && (by_step || dense)) stick->engage();
+  if (by_step)
+    shorter.take(before, u, drive.t_before, dt, part, tolerances, into);
+  else if (dense)
+    dense->interpolate(before, u, drive.t_before, dt, part, into);
+  else
+    stepper->interpolate(at, part, into);
   model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
-  if (!guard.all_finite(into))
-    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), advance.report.steps,
+  if (!all_finite(into))
+    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), drive.report.steps,
                   advice(dt));
 }
 
-// ---- a run
-// ------------------------------------------------------------------------------------------------------
-
-void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer,
-                             std::int64_t max_steps) {
-  advance.observer = &observer;
-  advance.t_end = advance.run_end = t_end;
-  advance.t_before = t;
-  advance.stop_asked = advance.plate_is_over = false;
-  advance.idling.restart();
-  advance.max_steps = max_steps;
-  advance.evaluations_before = model.rhs_evaluations();
-  SS_TRY(TSSetTime(ts, t));
-  SS_TRY(TSSetMaxTime(ts, t_end));
-  if (checkpoint) SS_TRY(TSSetTimeStep(ts, checkpoint->dt));
-  advance.begin_count(ts, checkpoint ? checkpoint->step : advance.steps(ts));
-  SS_TRY(TSRestartStep(ts));
-  SS_TRY(TSSetSolution(ts, u));
-  advance.update_report(ts, model);
-  if (checkpoint) pass_corner(u, t);
-  model.begin_load(t);
-  if (!checkpoint) advance.plate->set(model, t, t, true);
-  if (!checkpoint) advance.tell(ts, step_now());
-  checkpoint.reset();
-  guard.start();
-}
-
-// At a corner of the loads steps end, and checkpoints hold what was before it.
-void Integrator::Impl::pass_corner(Vec u, double t) const {
-  model.begin_load(std::nextafter(t, -1.));
-  model.pass_corner(u, t);
-}
-
-// From one corner of the loads to the next.
-TSConvergedReason Integrator::Impl::solve(Vec u) {
-  if (!model.scene().forced()) return solve_piece(u);
-  for (;;) {
-    double t, dt;
-    SS_TRY(TSGetTime(ts, &t));
-    SS_TRY(TSGetTimeStep(ts, &dt));
-    advance.t_end = std::min(advance.run_end, model.scene().next_corner(t));
-    model.begin_load(t);
-    SS_TRY(TSSetMaxTime(ts, advance.t_end));
-    SS_TRY(TSSetTimeStep(ts, std::min(dt, advance.t_end - t)));
-    const TSConvergedReason reason = solve_piece(u);
-    advance.update_report(ts, model);
-    if (reason < 0 || advance.stop_asked || advance.report.t >= advance.run_end || reason == TS_CONVERGED_ITS)
-      return reason;
-    pass_corner(u, advance.report.t);
-    SS_TRY(TSSetTimeStep(ts, adaptive ? advance.next_dt : fixed_dt));
-    SS_TRY(TSRestartStep(ts));
-  }
-}
-
-// PETSc refuses norms of what is not finite, on every rank alike.
-void Integrator::Impl::solve_finite(Vec u) {
-  try {
-    SS_TRY(TSSolve(ts, u));
-  } catch (const RankFailure& e) {
-    if (std::string(e.what()).find("not-a-number") == std::string::npos) throw;
-    double dt;
-    SS_TRY(TSGetTimeStep(ts, &dt));
-    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(advance.report.t),
-                  advance.report.steps, advice(dt));
-  }
-}
-
-TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
-  TSConvergedReason reason = TS_CONVERGED_ITERATING;
-  if (stick) {
-    double dt = 0;
-    if (!adaptive) SS_TRY(TSGetTimeStep(ts, &dt));
-    if (!adaptive && model.scene().forced()) dt = fixed_dt;
-    stick->start(u, dt);
-    SS_TRY(TSGetConvergedReason(ts, &reason));
-  }
-  if (reason == TS_CONVERGED_ITERATING) solve_finite(u);
-  SS_TRY(TSGetConvergedReason(ts, &reason));
-  return reason;
-}
-
-void Integrator::Impl::fail(TSConvergedReason reason) const {
-  const std::string at =
-      fmt::format(" at t = {} (step {})", number_text(advance.report.t), advance.report.steps);
-  if (reason == TS_DIVERGED_NONLINEAR_SOLVE)
-    throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
-  bool unsolved = fused && !fused->solved();
-  if (!fused && equations->has_implicit()) {
-    SNES snes;
-    SNESConvergedReason newton;
-    SS_TRY(TSGetSNES(ts, &snes));
-    SS_TRY(SNESGetConvergedReason(snes, &newton));
-    unsolved = newton < 0;
-  }
-  Vec u;
-  SS_TRY(TSGetSolution(ts, &u));
-  if (const std::string lost = model.velocity_jump(u); !lost.empty()) throw Failure(lost + at);
-  throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) +
-                " times (ts_max_reject)" + at +
-                (unsolved ? ": Newton's method fails in the implicit part" : "") +
-                "; reduce ts_dt or loosen ts_rtol and ts_atol" + instead());
-}
+// ---- what others see
+// ---------------------------------------------------------------------------------------------
 
 Integrator::Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix)
     : impl_(std::make_unique<Impl>(model, prefix)) {
@@ -386,31 +284,36 @@ void Integrator::set_output_times(std::function<double(double)> next_time) {
   impl_->next_output_time = std::move(next_time);
 }
 
-void Integrator::drive_by(Plate& plate) { impl_->advance.plate = &plate; }
+void Integrator::drive_by(Plate& plate) { impl_->drive.plate = &plate; }
 
 void Integrator::continue_from(std::int64_t step, double dt) {
-  impl_->checkpoint = {step, dt};
-  SS_TRY(TSSetTimeStep(impl_->ts, dt));
+  impl_->from_checkpoint = true;
+  impl_->drive.steps = step;
+  impl_->drive.h = dt;
 }
 
 TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer,
                                std::int64_t max_steps) {
-  Impl& m = *impl_;
-  m.start(u, t, t_end, observer, max_steps);
-  TimeReport& report = m.advance.report;
-  report.reason = "end time";
-  if (m.advance.stop_asked || t >= t_end) return report;
-  const TSConvergedReason reason = m.solve(u);
-  m.advance.update_report(m.ts, m.model);
-  if (reason < 0) m.fail(reason);
-  report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps"
-                  : m.advance.plate_is_over  ? "ts_max_plate"
-                  : m.advance.stop_asked     ? "stopped"
-                                             : "end time";
-  return report;
+  Drive& drive = impl_->drive;
+  impl_->start(u, t, t_end, observer, max_steps);
+  if (!drive.stop_asked && t < t_end) {
+    impl_->view("-ts_view_pre");
+    impl_->solve(u);
+    SS_TRY(VecViewFromOptions(u, reinterpret_cast<PetscObject>(impl_->ts.get()), "-ts_view_solution"));
+    impl_->view("-ts_view");
+  }
+  drive.update_report(impl_->model);
+  drive.report.reason = drive.plate_is_over        ? "ts_max_plate"
+                        : drive.t >= drive.run_end ? "end time"
+                        : drive.stop_asked         ? "stopped"
+                                                   : "ts_max_steps";
+  return drive.report;
 }
 
-const TimeReport& Integrator::report() const { return impl_->advance.report; }
+const TimeReport& Integrator::report() const { return impl_->drive.report; }
+double Integrator::next_step() const { return impl_->drive.h; }
+void Integrator::set_next_step(double dt) { impl_->drive.h = dt; }
+void Integrator::count_from(std::int64_t steps) { impl_->drive.steps = steps; }
 const Tolerances& Integrator::tolerances() const { return impl_->tolerances; }
 void Integrator::set_tolerances(const Tolerances& tolerances) { impl_->set_tolerances(tolerances); }
 bool Integrator::adaptive() const { return impl_->adaptive; }

@@ -97,12 +97,17 @@ class Integrator {
   TimeReport advance(Vec u, double t, double t_end, const Observer& observer,
                      std::int64_t max_steps = std::numeric_limits<std::int64_t>::max());
 
+  // The length of the next step, as it is proposed; and how many are done, for those that follow.
+  double next_step() const;
+  void set_next_step(double dt);
+  void count_from(std::int64_t steps);
+
   const TimeReport& report() const;  // as far as it has come; valid after a Failure too
   const Tolerances& tolerances() const;
   void set_tolerances(const Tolerances& tolerances);
   bool adaptive() const;  // does an error estimate choose the steps?
   const Method& method() const;
-  TS ts() const;
+  TS ts() const;  // its options; it knows of no step but of PETSc's own types
 
  private:
   struct Impl;

@@ -1,0 +1,158 @@
+// What takes the steps of a run one by one for the loop over them (Integrator::Impl::solve): a method with
+// all its stages taken tile by tile or in bands (FusedStepper), or one of PETSc's own types (PetscStepper).
+// Everything is collective.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stickslip/time/time.hpp"
+#include "time/equations.hpp"
+#include "time/fused_methods.hpp"
+#include "time/step_control.hpp"
+
+namespace stickslip {
+
+// Whether every entry of u is finite, and so far from overflow that friction and error estimates of it are.
+class FiniteTest {
+ public:
+  explicit FiniteTest(const Model& model);
+  bool operator()(Vec u) const;
+
+ private:
+  const Model& model_;
+  double overflows_[3];  // times psi, eta, the state: what is cubed
+};
+
+class Stepper {
+ public:
+  // What the loop is asked within a step.
+  struct Loop {
+    // Will a value inside a step be asked for, up to `until`? What that takes is kept.
+    std::function<bool(double until)> keeps;
+    std::function<void()> repeats;  // a step was rejected and is tried again
+  };
+  struct Asked {
+    double t, h, t_end;  // where the step begins, its length if that does, and the time that steps hit
+    std::int64_t index;  // steps before it
+    bool restarts;       // what is remembered of earlier steps means nothing
+    bool first;          // of a run
+  };
+  struct Outcome {
+    enum Kind { taken, rejected, not_solved, not_finite } kind;  // rejected: too often
+    double t, next_h;  // where it ends, and what is proposed for the next one
+    int rejections;
+    bool finite;  // the new u is known to be
+  };
+
+  virtual ~Stepper() = default;
+  virtual void set_tolerances(const Tolerances& tolerances) = 0;
+  // The method and its tolerances stand. `most_rejections`: of one step.
+  virtual void set_up(const Method& method, bool adaptive, PetscInt most_rejections) = 0;
+  // u after a step, through rejections. Where none is taken u is what it was.
+  virtual Outcome step(Vec u, const Asked& asked) = 0;
+
+  // Of the last step.
+  virtual Vec before() const = 0;   // u where it begins; nullptr where that was not kept
+  virtual bool solved() const = 0;  // its implicit equations
+  // u at a time inside, the part `part` of the step, by the method's own polynomial.
+  virtual void interpolate(double at, double part, Vec into) = 0;
+  // How far it has come, for -ts_view.
+  virtual void view(PetscViewer viewer, std::int64_t rejections) const = 0;
+};
+
+// All stages of a step tile by tile or in bands. Its TS holds options and names the type, fusedrk,
+// fusedarkimex or leapfrog, but takes no steps.
+class FusedStepper : public Stepper {
+ public:
+  // Memory of a node whose unknowns take `unknowns` bytes: u before the step, and the slopes that are kept.
+  static double bytes_a_node(double unknowns, int slopes) { return (1 + slopes) * unknowns; }
+
+  FusedStepper(const Model& model, TS ts, std::unique_ptr<FusedMethod> method, Implicit implicit,
+               bool sticking, Loop loop);
+  void set_tolerances(const Tolerances& tolerances) override { tolerances_ = tolerances; }
+  void set_up(const Method& method, bool adaptive, PetscInt most_rejections) override;
+  Outcome step(Vec u, const Asked& asked) override;
+  Vec before() const override { return before_; }
+  bool solved() const override { return outcome_.solved; }
+  void interpolate(double at, double part, Vec into) override;
+  void view(PetscViewer viewer, std::int64_t rejections) const override;
+
+  // u at the part `part` of the last step by a step that ends there; false where it finds no solution.
+  bool shorter(double part, Vec into) const;
+  const char* subtype() const { return method_->subtype(); }
+  void control_by(StepControl control) { control_ = std::make_unique<StepControl>(control); }
+  // The last stage, where it is taken at the new u, leaves its slope in the Vec that this returns.
+  bool last_is_solution() const { return taker_->last_is_solution(); }
+  void leave_slope_in(std::function<Vec()> slope) { slope_at_end_ = std::move(slope); }
+  void set_direction(const std::vector<double>& direction) { taker_->set_direction(direction); }
+
+ private:
+  void make_slopes();
+
+  const Model& model_;
+  TS ts_;
+  std::unique_ptr<FusedMethod> method_;
+  Implicit implicit_;
+  Loop loop_;
+  std::unique_ptr<StepTaker> taker_;
+  std::unique_ptr<StepControl> control_;
+  std::function<Vec()> slope_at_end_;
+  VecHandle before_;
+  StepTaker::Outcome outcome_{};
+  std::vector<VecHandle> slopes_;
+  bool adaptive_ = false, slopes_kept_ = false;  // slopes: those of the last step
+  PetscInt most_rejections_ = 0;
+  double t_ = 0, dt_ = 0;  // of the last step: where it begins, its length
+  Tolerances tolerances_;
+  ErrorNorm norm_{};
+};
+
+// PETSc's own types of TS, and what they let pass: stages and steps that are not finite, and rejected steps
+// undone by subtraction.
+class PetscStepper : public Stepper {
+ public:
+  // Gives `ts`, whose type stands, its callbacks; must outlive it. `prefix`: of PETSc's options.
+  PetscStepper(const Model& model, TS ts, Implicit implicit, MethodKind kind, const std::string& prefix,
+               Loop loop);
+  void set_tolerances(const Tolerances& tolerances) override;
+  void set_up(const Method& method, bool adaptive, PetscInt most_rejections) override;
+  Outcome step(Vec u, const Asked& asked) override;
+  Vec before() const override { return has_kept_ ? kept_.get() : nullptr; }
+  bool solved() const override;
+  void interpolate(double at, double part, Vec into) override;
+  void view(PetscViewer viewer, std::int64_t rejections) const override;
+
+ private:
+  static PetscErrorCode PreStage(TS ts, PetscReal);
+  static PetscErrorCode PostStage(TS ts, PetscReal, PetscInt index, Vec*);
+  static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept);
+  void narrow_errors(Vec u);
+  void begin(Vec u, const Asked& asked);
+  void repeat();
+  bool accepts(Vec u);  // a stage
+  int new_rejections();
+
+  const Model& model_;
+  TS ts_;
+  std::string prefix_;
+  Loop loop_;
+  Equations equations_;
+  FiniteTest all_finite_;
+  Tolerances tolerances_;
+  bool adaptive_ = false, narrows_ = false;
+  bool undoes_ = false;          // puts back u itself before a step is tried again
+  bool first_same_as_last_ = false;
+  VecHandle kept_, work_;        // kept: u where the step begins
+  bool has_kept_ = false;
+  VecHandle allowed_, no_part_;  // of errors, absolute and relative, where psi's judge eta's
+  bool started_ = false;         // a step has been accepted
+  bool checked_last_ = false;    // the new u, as the last stage
+  PetscInt stage_ = 0;           // the one that was computed last
+  PetscInt last_stage_ = -1;     // of rk
+  PetscInt rejections_ = 0;      // seen so far
+};
+
+}  // namespace stickslip

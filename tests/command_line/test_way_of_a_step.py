@@ -1,0 +1,42 @@
+"""The calls of a default step, as docs/developers/architecture.md lists them, are those of the source, and at most eight.
+
+How many a run passes is counted by a unit test (tests/test_fused.cpp).
+"""
+import os
+import re
+
+from calls import SOURCE
+
+MOST = 8
+
+
+def listed():
+    with open(os.path.join(SOURCE, "docs/developers/architecture.md"), encoding="utf-8") as page:
+        part = page.read().split("<!-- calls: begin -->")[1].split("<!-- calls: end -->")[0]
+    return re.findall(r"^\d+\. `([\w:()]+)` \(`([\w/.]+)`\)", part, re.MULTILINE)
+
+
+def body_of(name, path):
+    """The text between the braces of a function, defined in its class or outside it."""
+    with open(os.path.join(SOURCE, "src", path), encoding="utf-8") as file:
+        text = file.read()
+    outside, within = re.escape(name), re.escape(name.split("::")[-1])
+    found = re.search(rf"\b{outside}\([^;{{]*\{{", text) or re.search(rf"\b{within}\([^;{{]*\{{", text)
+    assert found, f"{name} is not defined in src/{path}"
+    depth, end = 1, found.end()
+    while depth:
+        depth += {"{": 1, "}": -1}.get(text[end], 0)
+        end += 1
+    return text[found.end():end]
+
+
+def test_the_list_is_that_of_the_source():
+    calls = listed()
+    assert 4 < len(calls) <= MOST, calls
+    way = [("simulate", "study/simulate.cpp")] + calls
+    for (name, path), (following, _) in zip(way[:-2], way[1:-1]):
+        called = following.split("::")[-1]
+        assert re.search(rf"\b{called}\(", body_of(name, path)), f"{name} (src/{path}) does not call {following}"
+    # the loop over nodes is compiled for each set of instructions, and called by a name of the class
+    assert "pointwise_(" in body_of(*way[-2])
+    assert re.search(r"struct PointwiseOfColumns\b", open(os.path.join(SOURCE, "src", way[-1][1]), encoding="utf-8").read())
