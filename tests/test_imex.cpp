@@ -15,7 +15,7 @@
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/banded_imex.hpp"
-#include "time/fused_methods.hpp"
+#include "time/methods.hpp"
 #include "time/fused_step.hpp"
 
 using namespace stickslip;

@@ -34,7 +34,7 @@ class NodeRates {
   double beside(PetscInt local_node) const;
 
   // psi_t where the node leaves rest, or comes to it, in the direction `aside` (psi = 0 says none); 0 of a
-  // held node. Where a step of dt passes over what is stiff (time/dense_output.hpp), and without mass, psi
+  // held node. Where a step of dt passes over what is stiff (time/integrator_impl.hpp), and without mass, psi
   // keeps to the balance of its forces: then it is (eta_t - F_s g)/(B + F_psi). Not a number where that is
   // not known: under a load, and beside neighbours of whom nothing is known.
   double of(PetscInt local_node, const NodeMoment& at, double aside, double dt) const;

@@ -82,7 +82,7 @@ class LevelRuns {
   // The jump of the solution, if it has one.
   const std::optional<Jump>& jump() const { return jump_; }
 
-  // Takes what a run that names no method takes at such tolerances (src/time/choice.hpp).
+  // Takes what a run that names no method takes at such tolerances (src/time/methods.hpp).
   void choose_method();
   // Whether an explicit run on n nodes takes less than an implicit one at `tolerance`, of which one was seen.
   bool prefers_explicit(const Level& seen, PetscInt n, double tolerance) const;

@@ -5,8 +5,7 @@
 #include <map>
 
 #include "base/local_values.hpp"
-#include "time/choice.hpp"
-#include "time/fused_methods.hpp"
+#include "time/methods.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/stick.hpp"

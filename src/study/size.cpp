@@ -19,8 +19,8 @@
 #include "stickslip/time/stick.hpp"
 #include "study/simulate_clusters.hpp"
 #include "time/banded_imex.hpp"
-#include "time/choice.hpp"
-#include "time/dense_output.hpp"
+#include "time/methods.hpp"
+#include "time/integrator_impl.hpp"
 #include "time/stepper.hpp"
 
 namespace stickslip {

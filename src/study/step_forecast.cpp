@@ -15,8 +15,7 @@
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
-#include "time/choice.hpp"
-#include "time/fused_methods.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 
@@ -218,7 +217,7 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
   copy_method(like, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
-  if (implicit != Implicit::both || like.method().kind == MethodKind::imex)  // of zeros: time/equations.cpp
+  if (implicit != Implicit::both || like.method().kind == MethodKind::imex)  // of zeros: time/petsc_stepper.cpp
     SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
   TSAdapt adapt;
   SS_TRY(TSGetAdapt(ts_, &adapt));
@@ -462,7 +461,7 @@ void warn_of_order_reduction(const Model& model, const Integrator& integrator, d
         rate, dt * rate, number_text(dt), method.name(), method.order));
 }
 
-// A method that the user named: the choice goes by the same count (time/choice.hpp).
+// A method that the user named: the choice goes by the same count (time/methods.hpp).
 void warn_of_recovery(const Model& model, const Integrator& integrator) {
   constexpr double many = 1e5, turns_a_step = 3;
   if (integrator.report().implicit == Implicit::both) return;

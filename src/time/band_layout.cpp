@@ -1,4 +1,4 @@
-#include "time/band_layout.hpp"
+#include "time/band.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "time/band_system.hpp"
+#include "time/band.hpp"
 #include "time/piece_kernel.hpp"
 
 namespace stickslip {

@@ -1,7 +1,7 @@
 // A step of an implicit-explicit Runge-Kutta method with the wave, or everything, implicit.
 //
 // eta and the state are put into psi's equation, which leaves one banded system in psi alone
-// (band_system.hpp). With the wave implicit, part Part::wave of the model, it is linear with one diagonal,
+// (band.hpp). With the wave implicit, part Part::wave of the model, it is linear with one diagonal,
 // whose factors stand while step and tableau do; friction is explicit. With everything implicit it has a new
 // diagonal in each round of Newton's method (model/loops.hpp). A stage is solved to well below the
 // error that a step is allowed. Where the error is estimated, a matrix that is not positive definite on the
@@ -18,9 +18,8 @@
 #include <vector>
 
 #include "model/loops.hpp"
-#include "time/band_layout.hpp"
-#include "time/band_system.hpp"
-#include "time/step_errors.hpp"
+#include "time/band.hpp"
+#include "time/tiles.hpp"
 
 namespace stickslip {
 

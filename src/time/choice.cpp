@@ -1,4 +1,4 @@
-#include "time/choice.hpp"
+#include "time/methods.hpp"
 
 #include <cmath>
 
@@ -7,7 +7,6 @@
 #include "stickslip/model/scales.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/stick.hpp"
-#include "time/fused_methods.hpp"
 
 namespace stickslip {
 

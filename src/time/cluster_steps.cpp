@@ -1,4 +1,4 @@
-#include "time/cluster_steps.hpp"
+#include "time/clusters.hpp"
 
 #include <algorithm>
 #include <cmath>

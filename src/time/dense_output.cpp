@@ -1,4 +1,4 @@
-#include "time/dense_output.hpp"
+#include "time/integrator_impl.hpp"
 
 #include <petscts.h>
 

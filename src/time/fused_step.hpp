@@ -17,7 +17,6 @@
 #include "model/loops.hpp"
 #include "numerics/stage_program.hpp"
 #include "stickslip/model/model.hpp"
-#include "time/step_errors.hpp"
 #include "time/tiles.hpp"
 
 namespace stickslip {

@@ -1,14 +1,259 @@
+#include "time/stepper.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
-#include "time/allowed_error.hpp"
-#include "time/choice.hpp"
-#include "time/stepper.hpp"
+#include "stickslip/numerics/direct_ksp.hpp"
+#include "stickslip/time/tolerances.hpp"
+#include "time/fused_step.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
+
+Part Equations::explicit_part() const {
+  return implicit_ == Implicit::friction ? Part::stencil
+         : implicit_ == Implicit::wave   ? Part::reaction
+                                         : Part::full;
+}
+Part Equations::implicit_part() const {
+  return implicit_ == Implicit::wave   ? Part::wave
+         : implicit_ == Implicit::both ? Part::full
+                                       : Part::pointwise;
+}
+
+PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    if (self.implicit_ == Implicit::both) {
+      SS_TRY(VecZeroEntries(f));
+      return;
+    }
+    self.model_.set_time(t);
+    self.model_.rhs(self.explicit_part(), u, f);
+  });
+}
+
+// udot - G(u)
+PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    self.model_.set_time(t);
+    if (self.has_implicit()) {
+      self.model_.rhs(self.implicit_part(), u, f);
+      SS_TRY(VecAYPX(f, -1, udot));
+    } else {
+      SS_TRY(VecCopy(udot, f));
+    }
+  });
+}
+
+// shift I - dG/du
+PetscErrorCode Equations::IJacobian(TS, PetscReal, Vec u, Vec, PetscReal shift, Mat, Mat P, void* context) {
+  return guarded([&] {
+    auto& self = *static_cast<Equations*>(context);
+    // The wave part is linear: while the shift stands, so do the matrix and its factors.
+    const bool constant = self.implicit_ == Implicit::wave || !self.has_implicit();
+    if (constant && shift == self.last_shift_) return;
+    self.model_.jacobian(self.implicit_part(), u, shift, self.has_implicit() ? -1 : 0, P);
+    self.last_shift_ = shift;
+  });
+}
+
+// Newton's step, before a line search takes it.
+PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    *changed = self.model_.safeguard_newton_step(u, self.last_shift_, minus_step) ? PETSC_TRUE : PETSC_FALSE;
+  });
+}
+
+PetscErrorCode Equations::Search(SNESLineSearch search, void* context) {
+  return guarded([&] { static_cast<Equations*>(context)->search(search); });
+}
+
+// Halves Newton's step until it makes the residual less, as PETSc's own search does, whose norm adds what has
+// different units: either each row as it is, or as the change of its unknown that it stands for. Of the
+// former a stiff psi that is in balance already is nearly all, of the latter one that friction no longer
+// holds.
+void Equations::search(SNESLineSearch search) const {
+  constexpr int most_halvings = 40;
+  SNES snes;
+  Vec u, residual, minus_step, next, residual_there;
+  SS_TRY(SNESLineSearchGetSNES(search, &snes));
+  SS_TRY(SNESLineSearchGetVecs(search, &u, &residual, &minus_step, &next, &residual_there));
+  PetscBool changed;
+  SS_TRY(SNESLineSearchPreCheck(search, u, minus_step, &changed));
+  const Sizes before = sizes_of(u, residual);
+  SNESLineSearchReason reason = SNES_LINESEARCH_FAILED_REDUCT;
+  for (int k = 0; k <= most_halvings && reason != SNES_LINESEARCH_SUCCEEDED; ++k) {
+    SS_TRY(VecWAXPY(next, -std::ldexp(1., -k), minus_step, u));
+    SS_TRY(SNESComputeFunction(snes, next, residual_there));
+    const Sizes there = sizes_of(u, residual_there);
+    if (there.rows < before.rows || there.changes < before.changes) reason = SNES_LINESEARCH_SUCCEEDED;
+  }
+  SS_TRY(VecCopy(next, u));
+  SS_TRY(VecCopy(residual_there, residual));
+  SS_TRY(SNESLineSearchComputeNorms(search));
+  SS_TRY(SNESLineSearchSetReason(search, reason));
+}
+
+// Sums of squares, each row in parts of the scale of its unknown: as it is, and over its slope at u.
+// Collective.
+Equations::Sizes Equations::sizes_of(Vec u, Vec residual) const {
+  const int dof = model_.dof();
+  const double shift = std::abs(last_shift_);
+  Sizes sums;
+  {
+    const Reading values(u), rows(residual);
+    for (PetscInt i = 0; i < model_.local() * dof; ++i) {
+      const double stiffer = i % dof == 0 ? 1 + slope_of_friction(i / dof, values + i) / shift : 1;
+      const double off = rows[i] / tolerances_.scales.of(int(i % dof));
+      sums.rows += off * off;
+      sums.changes += off * off / (stiffer * stiffer);
+    }
+  }
+  return {sum_over(model_.comm(), sums.rows), sum_over(model_.comm(), sums.changes)};
+}
+
+// A F_psi where friction goes by ln psi, 0 elsewhere and where no friction acts on psi_t.
+double Equations::slope_of_friction(PetscInt i, const double* at) const {
+  if (!model_.friction_law(i).steep || model_.scene().massless() || model_.held(model_.first() + i)) return 0;
+  const double state = model_.dof() == 3 ? at[2] : 0;
+  return model_.coefficients(i).A * std::max(model_.friction(i, at[0], state).F_psi, 0.);
+}
+
+// What an equation is off by, over what it may be off by: the largest of all nodes. A residual, in psi's row
+// shift psi - A (eta - B psi - F) and more, is counted by the change of its unknown that it stands for,
+// against scale and size of that; where friction goes by ln psi also by what this change makes of F, since
+// there a psi far below its scale is as much as any. What a residual is rounded by is no error. Collective.
+double Equations::largest_miss(Vec u, Vec residual) const {
+  const Scales& scales = tolerances_.scales;
+  const double target = target_, shift = std::abs(last_shift_);
+  const int dof = model_.dof();
+  const bool massless = model_.scene().massless();
+  double largest = 0;
+  {
+    const Reading values(u), rows(residual);
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      const double *const at = values + i * dof, *const r = rows + i * dof;
+      const double psi = std::abs(at[0]), off = std::abs(r[0]);
+      const double A = massless ? 0 : model_.coefficients(i).A;
+      double slope = shift, of_force = 0, size = shift * psi + A * std::abs(at[1]);
+      if (model_.friction_law(i).steep && !massless && !model_.held(model_.first() + i)) {
+        const Partials p = model_.friction(i, at[0], dof == 3 ? at[2] : 0);
+        slope += A * std::max(p.F_psi, 0.);
+        size += A * std::abs(p.F);
+        of_force = off * std::abs(p.F_psi) /
+                   (slope * target * (scales.eta + std::abs(p.F)) + 1e-15 * size * std::abs(p.F_psi));
+      }
+      const double of_psi = off / (slope * target * (scales.psi + psi) + 1e-15 * size);
+      const double of_eta = std::abs(r[1]) / (shift * target * (scales.eta + std::abs(at[1])));
+      const double of_state =
+          dof < 3 ? 0 : std::abs(r[2]) / (shift * kernel::allowed_of_state(target, scales, at[2]));
+      for (const double miss : {of_psi, of_force, of_eta, of_state})
+        if (!(miss <= largest)) largest = miss;  // NaN stays
+      if (std::isnan(largest)) break;
+    }
+  }
+  return largest_over(model_.comm(), std::isnan(largest) ? HUGE_VAL : largest);
+}
+
+// The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a
+// round with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so
+// slowly that this pays.
+PetscErrorCode Equations::Converged(SNES snes, PetscInt round, PetscReal x, PetscReal step,
+                                    PetscReal residual, SNESConvergedReason* reason, void* context) {
+  return guarded([&] {
+    auto& self = *static_cast<Equations*>(context);
+    double miss;
+    if (self.as_user_has_it_) {
+      PetscReal target;
+      SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
+      SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
+      miss = residual / target;
+      if (*reason || round == 0) return;
+    } else {
+      *reason = std::isfinite(residual) ? SNES_CONVERGED_ITERATING : SNES_DIVERGED_FUNCTION_DOMAIN;
+      if (*reason || round == 0) return;  // the shift comes with the Jacobian
+      Vec u, f;
+      SS_TRY(SNESGetSolution(snes, &u));
+      SS_TRY(SNESGetFunction(snes, &f, nullptr, nullptr));
+      miss = self.largest_miss(u, f);
+      if (miss <= 1) *reason = SNES_CONVERGED_FNORM_ABS;
+    }
+    const double before = std::exchange(self.last_miss_, miss);
+    if (*reason || round == 1 || !self.shares_jacobian_) return;
+    // with an old one that cost what a new one does
+    const double rounds = self.implicit_ == Implicit::both ? 8 : 4;
+    if (!(miss * std::pow(miss / before, rounds) < 1)) SS_TRY(SNESSetLagJacobian(snes, -2));
+  });
+}
+
+void Equations::begin_step(TS ts) {
+  if (!shares_jacobian_) return;
+  SNES snes;
+  SS_TRY(TSGetSNES(ts, &snes));
+  SS_TRY(SNESSetLagJacobian(snes, -2));  // at the next round of Newton's method, which keeps it from then on
+}
+
+void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
+  // PETSc from 3.20 on takes an IMEX method without explicit part for one of equations with algebraic ones,
+  // and solves at each restart for a slope, with this SNES, its step and its Jacobian: so there is one, of
+  // zeros.
+  if (implicit_ != Implicit::both || kind == MethodKind::imex)
+    SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
+  if (kind == MethodKind::explicit_) return;
+  SS_TRY(TSSetIFunction(ts, nullptr, IFunction, this));
+  J_ = model_.create_jacobian(implicit_part());
+  SS_TRY(TSSetIJacobian(ts, J_, J_, IJacobian, this));
+  SNES snes;
+  KSP ksp;
+  SS_TRY(TSGetSNES(ts, &snes));
+  if (implicit_ == Implicit::wave || implicit_ == Implicit::none) {
+    SS_TRY(SNESSetType(snes, SNESKSPONLY));
+  } else {
+    shares_jacobian_ = shares_jacobian(ts, kind, prefix);
+    set_newton(snes, prefix);
+  }
+  SS_TRY(SNESGetKSP(snes, &ksp));
+  set_linear_solver(ksp);
+}
+
+// Of a Rosenbrock method too, which has PETSc hold on to it over a step that is tried again, with the shift
+// of the length that failed.
+bool Equations::shares_jacobian(TS ts, MethodKind kind, const std::string& prefix) {
+  TSType type;
+  SS_TRY(TSGetType(ts, &type));
+  if (type == std::string(TSROSW)) return !user_set(prefix, "ts_rosw_recompute_jacobian");
+  return kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
+}
+
+void Equations::set_newton(SNES snes, const std::string& prefix) {
+  const PetscInt most_rounds = model_.friction_law(0).steep ? 100 : 30;  // over hundreds of decades of psi
+  SS_TRY(SNESSetTolerances(snes, 1e-14, 1e-13, 1e-13, most_rounds, 10000));
+  SNESLineSearch search;
+  SS_TRY(SNESGetLineSearch(snes, &search));
+  SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
+  SS_TRY(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
+#if PETSC_VERSION_LT(3, 21, 0)
+  SS_TRY(SNESLineSearchShellSetUserFunc(search, Search, this));
+#else
+  SS_TRY(SNESLineSearchShellSetApply(search, Search, this));
+#endif
+  for (const char* own : {"snes_rtol", "snes_atol", "snes_stol"})
+    as_user_has_it_ = as_user_has_it_ || user_set(prefix, own);
+  SS_TRY(SNESSetConvergenceTest(snes, Converged, this, nullptr));
+}
+
+void Equations::set_linear_solver(KSP ksp) const {
+  if (implicit_ == Implicit::wave || implicit_ == Implicit::both) return solve_by_banded_lu(ksp);
+  solve_by_blocks(ksp);
+}
 
 // psi and eta beyond 1e20 and a state beyond 1e42 of what slips are measured by count as not finite: a step
 // from there has lost the motion, and the cube in the friction and the square of that in PETSc's estimate of

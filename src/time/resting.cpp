@@ -1,4 +1,4 @@
-#include "time/resting.hpp"
+#include "time/clusters.hpp"
 
 #include <algorithm>
 #include <cmath>

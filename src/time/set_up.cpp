@@ -9,7 +9,7 @@
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "time/fused_methods.hpp"
+#include "time/methods.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {

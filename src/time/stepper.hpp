@@ -3,17 +3,118 @@
 // Everything is collective.
 #pragma once
 
+#include <petscts.h>
+
+#include <array>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "stickslip/time/time.hpp"
-#include "time/equations.hpp"
-#include "time/fused_methods.hpp"
-#include "time/step_control.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
+
+// The system as PETSc's time steppers ask for it, udot - G(u) = F(u), and how its implicit part G is solved.
+
+class Equations {
+ public:
+  Equations(const Model& model, Implicit implicit) : model_(model), implicit_(implicit) {}
+  Equations(const Equations&) = delete;
+  Equations& operator=(const Equations&) = delete;
+
+  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. This object must outlive
+  // `ts`. Collective.
+  void attach(TS ts, MethodKind kind, const std::string& prefix);
+  // Its equations are solved to `target`, in parts of the scales and values.
+  void solve_to(const Tolerances& tolerances, double target) {
+    tolerances_ = tolerances;
+    target_ = target;
+  }
+
+  Implicit implicit() const { return implicit_; }
+  bool has_implicit() const { return implicit_ != Implicit::none; }
+  // At the beginning of a step, and of its repetition: what was kept for the stages of the last one goes.
+  void begin_step(TS ts);
+
+ private:
+  static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
+  static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
+  static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
+  static PetscErrorCode TameStep(SNESLineSearch, Vec, Vec, PetscBool*, void*);
+  static PetscErrorCode Search(SNESLineSearch, void*);
+  static PetscErrorCode Converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
+                                  void*);
+  void search(SNESLineSearch search) const;
+  struct Sizes {
+    double rows = 0, changes = 0;
+  };
+  Sizes sizes_of(Vec u, Vec residual) const;
+  double slope_of_friction(PetscInt i, const double* at) const;
+  double largest_miss(Vec u, Vec residual) const;
+  static bool shares_jacobian(TS ts, MethodKind kind, const std::string& prefix);
+  void set_newton(SNES snes, const std::string& prefix);
+  void set_linear_solver(KSP ksp) const;
+  Part explicit_part() const;
+  Part implicit_part() const;
+
+  const Model& model_;
+  Implicit implicit_;
+  MatHandle J_;
+  bool shares_jacobian_ = false;  // one for all stages of a step, see Converged
+  Tolerances tolerances_;
+  double target_ = 1e-9;
+  bool as_user_has_it_ = false;  // snes_rtol, ...
+  double last_shift_ = std::numeric_limits<double>::quiet_NaN(), last_miss_ = 0;
+};
+
+// How long steps are that PETSc does not take itself: by the rules of its TSAdapt `basic`, `dsp` and `none`,
+// and by the same options (-ts_adapt_...).
+
+class StepControl {
+ public:
+  // What `ts` has been told is read when it is asked for; `usual_norm`: of errors, where no option names one.
+  StepControl(TS ts, const std::string& prefix, NormType usual_norm);
+
+  bool adapts() const { return kind_ != none; }
+  NormType norm() const { return norm_; }  // NORM_2: root mean square over all unknowns; NORM_INFINITY
+  double after_failure(double h) const;    // where equations were not solved
+
+  struct Tried {
+    const char *type, *subtype;  // of the method
+    int order;
+    double t, h, t_end;  // where the step begins, its length, and the time to be hit
+    std::int64_t index;  // steps before it
+    double error;        // over what is allowed; negative: there is no estimate
+    bool again;          // it had been tried longer
+    bool steady;         // the next one is not to be longer
+    bool restarts;       // what is remembered of earlier steps means nothing
+  };
+  struct Choice {
+    bool accepted;
+    double h;  // of the next one, or of the same one tried again
+  };
+  Choice choose(const Tried& tried);
+
+ private:
+  enum Kind { none, basic, dsp };
+  Choice by_error(const Tried& tried) const;
+  Choice by_filter(const Tried& tried);
+  void read_filter(const std::string& prefix);
+  void monitor(const Tried& tried, const Choice& choice) const;
+
+  TS ts_;
+  TSAdapt adapt_;
+  Kind kind_;
+  NormType norm_;
+  bool always_accepts_ = false, monitors_ = false;
+  // Of dsp (G. Soederlind, ACM Trans. Math. Software 29 (2003) 1): parameters; errors and ratios of steps.
+  std::array<double, 3> beta_{}, errors_{1, 1, 1}, ratios_{1, 1, 1};
+  std::array<double, 2> alpha_{};
+};
 
 // Whether every entry of u is finite, and so far from overflow that friction and error estimates of it are.
 class FiniteTest {

@@ -6,9 +6,13 @@
 #include <limits>
 #include <utility>
 
+#include "base/broadcast.hpp"
 #include "base/failure.hpp"
+#include "base/local_copy.hpp"
 #include "base/local_values.hpp"
-#include "time/at_once.hpp"
+#include "model/massless.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/tolerances.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {
@@ -154,6 +158,55 @@ void Integrator::Impl::after_step(const Stepper::Outcome& outcome) {
   drive.tell(step);
   drive.done(step);
 }
+
+namespace {
+
+// Nodes that come into balance in no time, with mass and friction that goes by ln psi (`steep` laws).
+//
+// Where the force lies below friction by d, psi falls at A d, and friction that goes by a ln psi follows only
+// when psi is d/a factors of e lower, so 60 or 260 decades for ordinary d: within the round-off of the time,
+// as soon as psi is small. Steps show nothing of that way. One that ends upon it has a psi whose error is
+// beyond all smallness and whose force is off by as much as before; the first stage of the next one, which is
+// explicit, mirrors this, and the psi that goes with it is no number any more. So psi is put where
+//     eta + N D2 psi - B psi - F(psi, state) = 0
+// when it gets there within a moment.
+//
+// Does so at every node of u whose force is off by more than `tolerances` allow and whose way there at the
+// rate psi_t takes less than `moment`, a time. Returns whether there was one on any rank. Collective.
+bool balance_at_once(const Model& model, const Tolerances& tolerances, double moment, Vec u) {
+  const Scene& s = model.scene();
+  if (s.massless() || !model.friction_law(0).steep) return false;
+  VecHandle viscous;
+  if (model.viscous()) {
+    viscous = model.create_vector();
+    model.viscous_force(u, viscous);
+  }
+  const std::vector<double> from_neighbours = viscous ? local_values(viscous) : std::vector<double>();
+  const int dof = model.dof();
+  const double normal = model.normal_load(model.time()).N;
+  bool any = false;
+  {
+    const Writing a(u);
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      if (s.held(model.first() + i)) continue;
+      double* const at = a + i * dof;
+      const double psi = at[0], state = dof == 3 ? at[2] : 0;
+      const double eta = at[1] + (viscous ? from_neighbours[std::size_t(i * dof + 1)] : 0);
+      const NodeCoefficients c = model.coefficients(i);
+      const double off = eta - c.B * psi - model.friction(i, psi, state).F;
+      if (std::abs(off) <= allowed_error(tolerances, 1, eta)) continue;
+      const MasslessNode node{model.friction_law(i), normal * model.amplitude()[i], c.B, true};
+      const double balanced = node.velocity(eta, state, psi);
+      // psi beyond 0, where a law of psi > 0 says no force, has come from there
+      if (std::isnan(balanced) || std::abs(balanced - psi) > moment * c.A * std::abs(off)) continue;
+      at[0] = balanced;
+      any = true;
+    }
+  }
+  return on_any_rank(model.comm(), any);
+}
+
+}  // namespace
 
 // Steps meet what falls at once by being rejected, or end at their floor. What bdf remembers of earlier steps
 // does not go with a psi that was put in.

@@ -14,7 +14,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/fused_methods.hpp"
+#include "time/methods.hpp"
 
 using namespace stickslip;
 

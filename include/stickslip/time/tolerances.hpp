@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "stickslip/model/scales.hpp"
 
@@ -54,5 +55,10 @@ struct Tolerances {
     return choose(value, absolute[2] / scales.state);
   }
 };
+
+// What an unknown of this value (psi 0, eta 1, the state 2) may be off by at the end of a step.
+inline double allowed_error(const Tolerances& tolerances, int unknown, double value) {
+  return tolerances.absolute[unknown] + tolerances.relative[unknown] * std::abs(value);
+}
 
 }  // namespace stickslip
