@@ -150,14 +150,10 @@ void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double
   w.resolved = resolved;
   w.lambda = eigenvalues(dof_, full);
   w.growth = spectral_bounds(dof_, full).real_part;
-  w.explicit_part = implicit == Implicit::none       ? full
-                    : implicit == Implicit::friction ? rows_of(Part::stencil)
-                    : implicit == Implicit::wave     ? rows_of(Part::reaction)
-                                                     : zero;
-  w.implicit_part = implicit == Implicit::none       ? zero
-                    : implicit == Implicit::friction ? rows_of(Part::pointwise)
-                    : implicit == Implicit::wave     ? rows_of(Part::wave)
-                                                     : full;
+  const PartsOfStep parts = parts_of(implicit);
+  const auto rows = [&](const std::optional<Part>& terms) { return terms ? rows_of(*terms) : zero; };
+  w.explicit_part = rows(parts.of_explicit);
+  w.implicit_part = rows(parts.of_implicit);
   waves_.push_back(std::move(w));
 }
 

@@ -152,7 +152,6 @@ class ImexColumns {
 // be of two of them: what is left of theirs (3 half_width numbers and 3 half_width^2 of the matrix for each
 // of some log2 of the tiles) goes to all, and each finishes the tree and the outer nodes by itself. So no
 // rank holds factors of nodes that are not its own, and the result has the same bits on any number of ranks.
-
 class BandSystem {
  public:
   static std::unique_ptr<BandSystem> make(const BandLayout& layout);

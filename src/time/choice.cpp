@@ -19,6 +19,15 @@ std::string to_string(Implicit implicit) {
   }
 }
 
+PartsOfStep parts_of(Implicit implicit) {
+  switch (implicit) {
+    case Implicit::friction: return {Part::stencil, Part::pointwise};
+    case Implicit::wave: return {Part::reaction, Part::wave};
+    case Implicit::both: return {std::nullopt, Part::full};
+    default: return {Part::full, std::nullopt};
+  }
+}
+
 bool user_set(const std::string& prefix, const std::string& option) {
   PetscBool set;
   const std::string name = "-" + name_in_database(option);

@@ -44,7 +44,6 @@ namespace stickslip {
 // the time with a state, where it is found for each node, and may not exist. All times are by the plate's
 // clock where that halts (Plate), as it stands for all of them alike. No neighbour of such a node
 // moves, so viscosity between neighbours adds nothing.
-
 class StickEvents;
 
 class RestingNodes {

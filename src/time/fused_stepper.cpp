@@ -63,7 +63,8 @@ StepControl::StepControl(TS ts, const std::string& prefix, NormType usual_norm) 
 
 void StepControl::read_filter(const std::string& prefix) {
   char given[32] = "";
-  SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_adapt_dsp_filter", given, sizeof given, nullptr));
+  SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_adapt_dsp_filter", given, sizeof given,
+                               nullptr));
   for (const Filter& f : filters) {
     PetscBool same;
     SS_TRY(PetscStrcasecmp(f.name, *given ? given : usual_filter, &same));
@@ -256,7 +257,8 @@ void FusedStepper::view(PetscViewer viewer, std::int64_t rejections) const {
   SS_TRY(PetscViewerASCIIPrintf(viewer,
                                 "  maximum steps=%lld\n  maximum time=%g\n"
                                 "  total number of rejected steps=%lld\n"
-                                "  using relative error tolerance of %g, using absolute error tolerance of %g\n",
+                                "  using relative error tolerance of %g, "
+                                "using absolute error tolerance of %g\n",
                                 static_cast<long long>(most_steps), end, static_cast<long long>(rejections),
                                 tolerances_.relative[0], tolerances_.absolute[0]));
   SS_TRY(PetscViewerASCIIPushTab(viewer));

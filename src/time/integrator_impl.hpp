@@ -19,7 +19,6 @@
 namespace stickslip {
 
 // Where a run stands: how far it has come, the step that comes next, who watches and when it ends.
-
 struct Drive {
   const Integrator::Observer* observer = nullptr;
   Vec u = nullptr;
@@ -39,7 +38,8 @@ struct Drive {
     if (const double frequency = model.wave_frequency(); frequency > 0) same_time = 1e-14 / frequency;
   }
 
-  bool goes_on() const { return t < t_end && !stop_asked && steps < max_steps; }
+  bool goes_on() const { return t < run_end && !stop_asked && steps < max_steps; }
+  bool at_corner() const { return t >= t_end; }
 
   // The next step starts anew, at `from` and of length `length`, unless what was to be hit is reached: then
   // that stays for who goes on with it.
@@ -79,7 +79,6 @@ struct Drive {
 // step err by as much, times dt in their integral: the quartic through them errs by dt^5, and so on, one
 // order for each round of new slopes. Degrees above 3 only for explicit methods, whose steps are short enough
 // for it.
-
 class DenseOutput {
  public:
   DenseOutput(const Model& model, int degree)
@@ -147,7 +146,6 @@ class ShorterStep {
 
 // Steps of friction that sticks (stick.hpp): cut where a node starts or stops, and one step from rest to
 // release.
-
 class StickSteps {
  public:
   // `stepper`: what takes the steps; `fused`: the same where it is none of PETSc's, else nullptr.

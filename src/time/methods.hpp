@@ -48,7 +48,6 @@ bool user_set(const std::string& prefix, const std::string& option);
 //     fusedrk       rk: -ts_rk_type names the tableau
 //     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
 //     leapfrog      Stoermer and Verlet's, friction by the midpoint rule
-
 class FusedMethod {
  public:
   // For the library's `type`, rk, arkimex or rosw, or for leapfrog.

@@ -15,26 +15,15 @@
 
 namespace stickslip {
 
-Part Equations::explicit_part() const {
-  return implicit_ == Implicit::friction ? Part::stencil
-         : implicit_ == Implicit::wave   ? Part::reaction
-                                         : Part::full;
-}
-Part Equations::implicit_part() const {
-  return implicit_ == Implicit::wave   ? Part::wave
-         : implicit_ == Implicit::both ? Part::full
-                                       : Part::pointwise;
-}
-
 PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
-    if (self.implicit_ == Implicit::both) {
+    if (!self.parts_.of_explicit) {
       SS_TRY(VecZeroEntries(f));
       return;
     }
     self.model_.set_time(t);
-    self.model_.rhs(self.explicit_part(), u, f);
+    self.model_.rhs(*self.parts_.of_explicit, u, f);
   });
 }
 
@@ -44,7 +33,7 @@ PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, voi
     const auto& self = *static_cast<Equations*>(context);
     self.model_.set_time(t);
     if (self.has_implicit()) {
-      self.model_.rhs(self.implicit_part(), u, f);
+      self.model_.rhs(*self.parts_.of_implicit, u, f);
       SS_TRY(VecAYPX(f, -1, udot));
     } else {
       SS_TRY(VecCopy(udot, f));
@@ -59,7 +48,7 @@ PetscErrorCode Equations::IJacobian(TS, PetscReal, Vec u, Vec, PetscReal shift, 
     // The wave part is linear: while the shift stands, so do the matrix and its factors.
     const bool constant = self.implicit_ == Implicit::wave || !self.has_implicit();
     if (constant && shift == self.last_shift_) return;
-    self.model_.jacobian(self.implicit_part(), u, shift, self.has_implicit() ? -1 : 0, P);
+    self.model_.jacobian(self.jacobian_part(), u, shift, self.has_implicit() ? -1 : 0, P);
     self.last_shift_ = shift;
   });
 }
@@ -209,7 +198,7 @@ void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
     SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
   if (kind == MethodKind::explicit_) return;
   SS_TRY(TSSetIFunction(ts, nullptr, IFunction, this));
-  J_ = model_.create_jacobian(implicit_part());
+  J_ = model_.create_jacobian(jacobian_part());
   SS_TRY(TSSetIJacobian(ts, J_, J_, IJacobian, this));
   SNES snes;
   KSP ksp;

@@ -55,7 +55,8 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   const std::string given = given_subtype(choice.type);
   const bool fuses = will_fuse(choice);  // asks no solver, nor a matrix, most of a run's memory
   if (!fuses)
-    stepper = std::make_unique<PetscStepper>(model, ts, implicit, offered_type(choice.type).kind, prefix, loop());
+    stepper = std::make_unique<PetscStepper>(model, ts, implicit, offered_type(choice.type).kind, prefix,
+                                             loop());
   set_step_control(spec, rates);
   {
     const UsualNorm norm(model, prefix);

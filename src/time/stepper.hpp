@@ -19,10 +19,10 @@
 namespace stickslip {
 
 // The system as PETSc's time steppers ask for it, udot - G(u) = F(u), and how its implicit part G is solved.
-
 class Equations {
  public:
-  Equations(const Model& model, Implicit implicit) : model_(model), implicit_(implicit) {}
+  Equations(const Model& model, Implicit implicit)
+      : model_(model), implicit_(implicit), parts_(parts_of(implicit)) {}
   Equations(const Equations&) = delete;
   Equations& operator=(const Equations&) = delete;
 
@@ -35,7 +35,6 @@ class Equations {
     target_ = target;
   }
 
-  Implicit implicit() const { return implicit_; }
   bool has_implicit() const { return implicit_ != Implicit::none; }
   // At the beginning of a step, and of its repetition: what was kept for the stages of the last one goes.
   void begin_step(TS ts);
@@ -58,11 +57,12 @@ class Equations {
   static bool shares_jacobian(TS ts, MethodKind kind, const std::string& prefix);
   void set_newton(SNES snes, const std::string& prefix);
   void set_linear_solver(KSP ksp) const;
-  Part explicit_part() const;
-  Part implicit_part() const;
+  // where nothing is implicit a matrix of the pointwise pattern, for methods that ask for one
+  Part jacobian_part() const { return parts_.of_implicit.value_or(Part::pointwise); }
 
   const Model& model_;
   Implicit implicit_;
+  PartsOfStep parts_;
   MatHandle J_;
   bool shares_jacobian_ = false;  // one for all stages of a step, see Converged
   Tolerances tolerances_;
@@ -73,7 +73,6 @@ class Equations {
 
 // How long steps are that PETSc does not take itself: by the rules of its TSAdapt `basic`, `dsp` and `none`,
 // and by the same options (-ts_adapt_...).
-
 class StepControl {
  public:
   // What `ts` has been told is read when it is asked for; `usual_norm`: of errors, where no option names one.

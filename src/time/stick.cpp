@@ -352,7 +352,7 @@ void StickSteps::take_back(const Step& step, double dt) {
 // While everything rests one step leads to the next release, or to the end.
 void StickSteps::pass_rest(Vec u) {
   const double dt = drive_.h;
-  while (stick_.all_rest() && drive_.goes_on()) {
+  while (stick_.all_rest() && drive_.goes_on() && !drive_.at_corner()) {
     const double t = drive_.t;
     const double shown = drive_.plate->at(t);  // by the plate's clock
     const double plate_end = halts_ ? t + (drive_.plate->end - shown) : infinity;

@@ -33,7 +33,8 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   drive.evaluations_before = model.rhs_evaluations();
   SS_TRY(TSSetSolution(ts, u));
   SS_TRY(TSSetMaxTime(ts, t_end));
-  SS_TRY(TSSetMaxSteps(ts, PetscInt(std::min<std::int64_t>(max_steps, std::numeric_limits<PetscInt>::max()))));
+  constexpr std::int64_t most = std::numeric_limits<PetscInt>::max();
+  SS_TRY(TSSetMaxSteps(ts, PetscInt(std::min(max_steps, most))));
   drive.update_report(model);
   if (from_checkpoint) pass_corner(u, t);
   model.begin_load(t);
@@ -46,16 +47,15 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
 
 // From step to step, and from one corner of the loads to the next.
 void Integrator::Impl::solve(Vec u) {
-  begin_piece(u);
-  while (drive.goes_on()) {
+  for (begin_piece(u); drive.goes_on();) {
+    if (drive.at_corner()) {
+      pass_corner(u, drive.t);
+      if (!adaptive) drive.h = fixed_dt;
+      begin_piece(u);
+      continue;
+    }
     begin_step();
-    const Stepper::Outcome outcome = stepper->step(
-        u, {drive.t, drive.h, drive.t_end, drive.steps, drive.restarts, drive.first});
-    after_step(outcome);
-    if (drive.goes_on() || drive.stop_asked || drive.t >= drive.run_end || drive.t < drive.t_end) continue;
-    pass_corner(u, drive.t);
-    if (!adaptive) drive.h = fixed_dt;
-    begin_piece(u);
+    after_step(stepper->step(u, {drive.t, drive.h, drive.t_end, drive.steps, drive.restarts, drive.first}));
   }
   monitor();
 }

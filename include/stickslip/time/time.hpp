@@ -23,6 +23,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "stickslip/model/model.hpp"
@@ -44,6 +45,12 @@ Rates rates_of(const Model& model, Vec u);
 
 enum class Implicit { none, friction, wave, both };
 std::string to_string(Implicit implicit);
+
+// The terms of the right-hand side that are taken explicitly and implicitly; nothing where there are none.
+struct PartsOfStep {
+  std::optional<Part> of_explicit, of_implicit;
+};
+PartsOfStep parts_of(Implicit implicit);
 
 // Makes the time steppers of this program known to PETSc, so that -ts_type names them. After SlepcInitialize;
 // every Integrator does it too.
