@@ -213,7 +213,8 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
   copy_method(like, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
-  if (implicit != Implicit::both || like.method().kind == MethodKind::imex)  // of zeros: time/petsc_stepper.cpp
+  // of zeros: time/petsc_stepper.cpp
+  if (implicit != Implicit::both || like.method().kind == MethodKind::imex)
     SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
   TSAdapt adapt;
   SS_TRY(TSGetAdapt(ts_, &adapt));

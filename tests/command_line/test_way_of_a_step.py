@@ -12,7 +12,7 @@ MOST = 8
 
 def listed():
     with open(os.path.join(SOURCE, "docs/developers/architecture.md"), encoding="utf-8") as page:
-        part = page.read().split("<!-- calls: begin -->")[1].split("<!-- calls: end -->")[0]
+        part = page.read().split("## The way of a step")[1].split("\n## ")[0]
     return re.findall(r"^\d+\. `([\w:()]+)` \(`([\w/.]+)`\)", part, re.MULTILINE)
 
 

@@ -28,7 +28,7 @@
 // Explicit methods take rk:7vr, whose stages are the cheapest at every accuracy (docs/chart.md), and their
 // levels are run without PETSc's TS on every rank alike (src/study/pilot.hpp), unless something is measured
 // on the way. Where friction or waves are so fast that a run that names no method would take them implicitly
-// (src/time/methods.hpp), that method is tried first, and stays while an explicit run, bound by its stability,
+// (time/methods.hpp), that method is tried first, and stays while an explicit run, bound by its stability,
 // would take longer.
 #pragma once
 
