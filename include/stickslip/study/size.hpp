@@ -7,8 +7,9 @@
 //
 // with the n nodes that are solved for and b bytes a node. Each part of a run states its own, bytes_a_node()
 // beside what it allocates: Stick, Displacement, Events, Tangents, StepAudit, Frames, FusedStepper,
-// BandedImex, DenseOutput, FieldWatch; here they are summed, with u, the amplitude of friction and what PETSc's types
-// keep. With V = 8 dof the bytes of a node's unknowns (16, with a state 24), p the order, s the stages, M =
+// BandedImex, DenseOutput, FieldWatch; here they are summed, with u, the amplitude of friction and what
+// PETSc's types keep. With V = 8 dof the bytes of a node's unknowns (16, with a state 24), p the order,
+// s the stages, M =
 // (p + 1) (8 dof^2 + 4) + 20 a matrix and L = (2p + 1 on a ring, else p + 1) (8 dof^2 + 4) + 8 dof^2 its
 // factors, these are
 //
