@@ -21,7 +21,6 @@ namespace stickslip {
 namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
-constexpr double int_max = std::numeric_limits<PetscInt>::max();
 
 std::vector<std::string> words_of(const std::string& text) { return split_words(text, ""); }
 

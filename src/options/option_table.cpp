@@ -1,19 +1,16 @@
 // The table of the program's own options.
-#include <limits>
+#include <cstdint>
 #include <unordered_map>
 
 #include "options/option_rows.hpp"
+#include "options/values.hpp"
 
 namespace stickslip {
 
 namespace {
 
 constexpr const char* physics = "run spectrum boundary wave cycle chart fit";
-constexpr double int_max = std::numeric_limits<PetscInt>::max();
-constexpr double count_max = 9e15;  // below 2^53: exact as a double
-// Three unknowns a node must still be counted by a PetscInt.
-constexpr PetscInt node_max = std::numeric_limits<PetscInt>::max() / 3;
-constexpr double n_max = node_max;
+constexpr double n_max = double(std::int64_t(int_max) / 3);  // three unknowns a node are still counted
 
 bool is_chain(const Options& options) { return options.text("model_form") == "chain"; }
 

@@ -13,7 +13,6 @@ namespace stickslip {
 
 namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
-constexpr double int_max = std::numeric_limits<PetscInt>::max();
 }  // namespace
 
 std::optional<double> parse_number(const std::string& text) {

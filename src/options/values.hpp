@@ -1,6 +1,8 @@
 // Options as text: numbers, lists, steps or times. Local to the process.
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -9,6 +11,10 @@
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {
+
+constexpr double count_max = 9e15;  // below 2^53: exact as a double
+// The largest integer of an option: one of PETSc's, of 32 or 64 bits, that is exact as a double.
+constexpr double int_max = std::min(double(std::numeric_limits<PetscInt>::max()), count_max);
 
 // A decimal number, nothing before or after it. Also returns the infinities and nan, and overflow as
 // infinity.
