@@ -127,10 +127,20 @@ void start(const Model& model, Vec u) {
   model.set_held(u);
 }
 
-// u + dt sum_j weights[j] slopes[j]
+// u + dt sum_j weights[j] slopes[j]; not by VecAXPY, whose BLAS may round a product and a sum as one.
 void combine(Vec u, double dt, const double* weights, const std::vector<VecHandle>& slopes, Vec into) {
   SS_TRY(VecCopy(u, into));
-  for (std::size_t j = 0; j < slopes.size(); ++j) SS_TRY(VecAXPY(into, dt * weights[j], slopes[j]));
+  PetscInt count;
+  double* sum;
+  SS_TRY(VecGetLocalSize(into, &count));
+  SS_TRY(VecGetArray(into, &sum));
+  for (std::size_t j = 0; j < slopes.size(); ++j) {
+    const double weight = dt * weights[j], *slope;
+    SS_TRY(VecGetArrayRead(slopes[j], &slope));
+    for (PetscInt i = 0; i < count; ++i) sum[i] += weight * slope[i];
+    SS_TRY(VecRestoreArrayRead(slopes[j], &slope));
+  }
+  SS_TRY(VecRestoreArray(into, &sum));
 }
 
 double weighted_norm(const Model& model, Vec u, Vec other, double atol, double rtol, NormType norm) {
