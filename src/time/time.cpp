@@ -95,7 +95,12 @@ void Integrator::Impl::view(const char* option) const {
   PetscViewer viewer;
   PetscViewerFormat format;
   PetscBool asked;
-  SS_TRY(PetscOptionsGetViewer(model.comm(), nullptr, prefix.c_str(), option, &viewer, &format, &asked));
+#if PETSC_VERSION_LT(3, 22, 0)
+  constexpr auto create = PetscOptionsGetViewer;
+#else
+  constexpr auto create = PetscOptionsCreateViewer;
+#endif
+  SS_TRY(create(model.comm(), nullptr, prefix.c_str(), option, &viewer, &format, &asked));
   if (!asked) return;
   SS_TRY(PetscViewerPushFormat(viewer, format));
   stepper->view(viewer, drive.report.rejections);
