@@ -9,7 +9,7 @@
 // file in which this stands is to be compiled as the library is: the target stickslip::laws says how.
 #pragma once
 
-#include "model/friction_family.hpp"
+#include "model/dispatch.hpp"
 #include "model/law_family.hpp"
 #include "model/law_list.hpp"
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/failure.hpp"
-#include "model/friction_family.hpp"
+#include "model/dispatch.hpp"
 #include "model/laws/table.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/options/options.hpp"

@@ -9,7 +9,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "model/friction_family.hpp"
+#include "model/dispatch.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
