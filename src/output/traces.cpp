@@ -45,19 +45,23 @@ StepCourse Traces::course(const Place& place, const Sample& from, const Sample& 
   return {forward_ * from.psi, forward_ * to.psi, rate(from), rate(to), dt};
 }
 
-// psi turns near now_: in the step that led there or in the one of dt that leaves it.
-void Traces::refine(std::size_t k, double dt, const Sample& next, double& low, double& high) const {
+// psi turns near now_: in the step that led there or in the one of dt that leaves it, whose windows are
+// begun; its extremum belongs to the window in which it lies.
+void Traces::refine(std::size_t k, double dt, const Sample& next) {
   const double before = forward_ * before_[k].psi, now = forward_ * now_[k].psi, then = forward_ * next.psi;
   const StepCourse behind = course(places_[k], now_[k], next, dt);
   const bool turns_behind = (behind.slope(0) > 0) == (now > before);
   const StepCourse psi = turns_behind ? behind : course(places_[k], before_[k], now_[k], last_dt_[k]);
+  const double from = turns_behind ? time_[k] : time_[k] - last_dt_[k],
+               length = turns_behind ? dt : last_dt_[k];
   // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola;
   // where slopes are stiff and steps long, the cubic means nothing.
   const double reach = std::max(std::abs(now - before), std::abs(then - now)) / 3;
   psi.extrema([&](double s) {
     if (!(std::abs(psi(s) - now) <= reach)) return;
-    low = std::min(low, psi(s));
-    high = std::max(high, psi(s));
+    const auto at = (static_cast<std::size_t>(index_of(from + s * length)) - 1) * places_.size() + k;
+    low_[at] = std::min(low_[at], psi(s));
+    high_[at] = std::max(high_[at], psi(s));
   });
 }
 
@@ -215,7 +219,7 @@ void Traces::take_in(std::size_t k, double t, const Sample& sample) {
     passages_[at] += 1;
     passed_[at] = time_[k] + dt * course(places_[k], now_[k], sample, dt).rise_to(steady);
   }
-  if ((next - now) * (now - before) < 0) refine(k, dt, sample, low_[at], high_[at]);
+  if ((next - now) * (now - before) < 0) refine(k, dt, sample);
 }
 
 double Traces::steps() const {

@@ -72,7 +72,7 @@ class Traces {
   void join_pairs();
   double steps() const;  // collective
   StepCourse course(const Place& place, const Sample& from, const Sample& to, double dt) const;
-  void refine(std::size_t place, double dt, const Sample& next, double& low, double& high) const;
+  void refine(std::size_t place, double dt, const Sample& next);
 
   const Model& model_;
   NodeRates rates_;

@@ -4,7 +4,7 @@ import glob
 
 import numpy as np
 import pytest
-from calls import call, run, scene_file
+from calls import call, data, run, scene_file
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -init_psi 0 -init_eta 0 "
 CARLSON_LANGER = BLOCK + "-friction_law carlson-langer -model_v .01 -model_k0 1 "
@@ -233,3 +233,17 @@ def test_rest_fraction_through_a_checkpoint(law):
     for checkpoint in (checkpoints[0], checkpoints[-2]):
         again, _ = run(f"-restart {checkpoint} -out_file again.h5")
         assert again["rest_fraction"] == whole["rest_fraction"] > 0.1, checkpoint
+
+
+def test_extremes_of_the_last_quarter_are_of_that_quarter():
+    """Few long steps: what psi was before the quarter began is not taken for its extreme, by more than psi changes within two windows."""
+    r = np.random.default_rng(1)
+    for _ in range(14):
+        out, _ = run(f"-model_form chain -grid_n 1 -bc_left free -friction_law {r.choice(['cubic', 'tanh'])} -model_m {r.uniform(.1, 2):.3f} -model_k0 {r.uniform(.1, 1):.3f} "
+            f"-model_f0 {r.uniform(.3, 2):.3f} -model_zeta {r.uniform(0, .5):.3f} -model_v {r.uniform(.3, 1.5):.3f} "
+            f"-init_psi {r.uniform(.3, 2):.3f} -init_eta {r.uniform(0, 1):.3f} -ts_max_time {r.uniform(4, 14):.3f} -ts_rtol 1e-4 -ts_atol 1e-4 "
+            "-out_file a.h5 -out_frames 1281")
+        high = out["psi_high"]
+        psi = data("a.h5")["psi"][:, 0]
+        within = np.abs(psi[40:] - psi[:-40]).max()
+        assert abs(high - psi[960:].max()) <= within, f"{high} for {psi[960:].max()}, which changes by {within} within two windows"
