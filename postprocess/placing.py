@@ -41,7 +41,8 @@ class Placing:
                 axes.legend(handles, [one["words"] for one in left if one["axes"] is axes], loc="upper center",
                             bbox_to_anchor=(0.5, 0), borderaxespad=3.6, ncols=min(3, len(handles)))
             self.figure.draw_without_rendering()
-            self.place([one for one in asked if one not in left])
+            keyed = {id(one) for one in left}
+            self.place([one for one in asked if id(one) not in keyed])
         self.figure.set_layout_engine("none")
 
     @staticmethod

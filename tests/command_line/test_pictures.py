@@ -194,3 +194,16 @@ def test_colours_are_told_apart():
             seen.append([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
         least = min(np.hypot(np.hypot(*np.subtract(a, b)[:2]), a[2] - b[2]) for a, b in itertools.combinations(seen, 2))
         check(least > 20, f"two colours {least} apart; 2 is just noticed")
+
+
+def test_curves_of_the_same_name_that_find_no_place():
+    # of a chart two rows of one order and one grid may be the best, and where there is no room both stand in the key
+    import matplotlib.pyplot as plt
+    from placing import Placing
+    figure, axes = plt.subplots(figsize=(2, 1))
+    placing, x = Placing(figure, 8), np.linspace(0, 1, 30)
+    for k in range(3):
+        placing.curve(axes, "the same words, far too long for this picture", x, k * x, "k", axes.plot(x, k * x)[0])
+    placing.finish()
+    check(len(axes.get_legend().get_texts()) == 3, "all are in the key")
+    plt.close(figure)
