@@ -75,7 +75,7 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
     mode.value = pair.value;
     if (eigenvalues < count) {
       mode.psi = velocities_of(s, units, std::move(pair.vector));
-      eigenvalues += pair.value.imag() > 0 ? 2 : 1;
+      eigenvalues += eigenvalues_of(pair.value);
     }
     modes.push_back(std::move(mode));
   }

@@ -178,7 +178,7 @@ std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& mo
   for (const Mode& m : modes) {
     if (m.value.imag() > height) continue;
     if (eigenvalues >= count && leading) break;
-    eigenvalues += m.value.imag() > 0 ? 2 : 1;
+    eigenvalues += eigenvalues_of(m.value);
     leading = leading || !is_neutral(s, m);
     ++shown;
   }

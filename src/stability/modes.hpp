@@ -53,6 +53,8 @@ class Noise {
 // The eigenvector nearest to z, by inverse iteration; not polished.
 Mode mode_near(const LinearisedOperator& s, Complex z);
 
+// Of a list that has one of each pair of conjugates, the one with Im > 0: how many a value stands for.
+inline PetscInt eigenvalues_of(Complex value) { return value.imag() > 0 ? 2 : 1; }
 // Rightmost first; real parts equal to the tolerance are put in the order of frequency.
 void sort_modes(std::vector<Mode>& modes, double tolerance);
 // How many of the sorted modes with |Im| up to `height` are listed: as many as make `count` eigenvalues, and

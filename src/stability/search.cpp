@@ -237,7 +237,7 @@ std::optional<ModeSearch::Count> ModeSearch::count(double line, std::vector<Comp
   if (!all) return std::nullopt;
   long known = 0;
   for (const Mode& m : modes_)
-    if (m.value.real() > line && in_reach(m)) known += m.value.imag() > 0 ? 2 : 1;
+    if (m.value.real() > line && in_reach(m)) known += eigenvalues_of(m.value);
   return Count{*all, known};
 }
 
@@ -328,7 +328,7 @@ bool ModeSearch::look_between(std::size_t members) {
     if (!all) break;
     long known = 0;
     for (const Mode& m : modes_)
-      if (m.value.real() > line.at && m.value.imag() < middle) known += m.value.imag() > 0 ? 2 : 1;
+      if (m.value.real() > line.at && m.value.imag() < middle) known += eigenvalues_of(m.value);
     (*all > known ? high : low) = middle;
   }
   const double aside = std::max(high - low, 0.1 * height_ / double(s_.size()));

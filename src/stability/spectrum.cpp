@@ -196,7 +196,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
   modes.resize(shown_modes(s, modes, height, settings.count));
   const PetscInt listed = std::accumulate(
       modes.begin(), modes.end(), PetscInt(0),
-      [](PetscInt sum, const Mode& m) { return sum + (m.value.imag() > 0 ? 2 : 1); });
+      [](PetscInt sum, const Mode& m) { return sum + eigenvalues_of(m.value); });
   const PetscInt wanted = std::min(settings.count, unknowns);
   if (!refine && listed < wanted)
     result.remarks.push_back(fmt::format(
