@@ -290,7 +290,7 @@ class StickEvents {
   }
   // And its rate, while the node rests.
   WithSlope moving_threshold(PetscInt i, double state, const NormalLoad& normal = {}) const;
-  // A node that is not held, and has friction; of the latter alone.
+  // A node that is not held, and has friction; without friction it never rests.
   bool takes_part(PetscInt i) const { return is_free(i) && !never_rests(i); }
   bool is_free(PetscInt i) const { return i >= free_begin_ && i < free_end_; }
   bool never_rests(PetscInt i) const { return is_free(i) && model_.amplitude()[std::size_t(i)] == 0; }

@@ -43,13 +43,14 @@ std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) con
 // Friction that is flat over a part of the range differs elsewhere.
 bool GrowthRate::enters() const {
   constexpr int places = 32;
+  const auto first = linearised(0, 0);
   for (int k = 1; k <= places; ++k)
-    if (differs(double(k - 1) / places, double(k) / places)) return true;
+    if (differ(first, linearised(double(k) / places, 0))) return true;
   return false;
 }
 
-bool GrowthRate::differs(double x, double other) const {
-  const auto a = linearised(x, 0), b = linearised(other, 0);
+bool GrowthRate::differ(const std::optional<LinearisedOperator>& a,
+                        const std::optional<LinearisedOperator>& b) {
   if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->N != b->N ||
       a->scene.h() != b->scene.h())
     return true;

@@ -30,8 +30,8 @@ struct SlideStability {
 };
 
 // Of uniform deviations and every wave that fits the scene, as far as its grid resolves them (of the first
-// hundred all, further on every fiftieth part); of nodes that are not alike, of the whole scene. Throws
-// Failure where it has no slide.
+// hundred all, further on every fiftieth part); of nodes that are not alike, of the whole scene.
+// `slide`: that of the scene, of one node where all are alike.
 SlideStability stability_of_slide(const Scene& scene, const SmoothCycle& slide);
 
 class ForcedBoundary {

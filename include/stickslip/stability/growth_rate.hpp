@@ -142,7 +142,7 @@ class GrowthRate {
     std::vector<FollowedMode> found;
   };
   std::optional<LinearisedOperator> linearised(double x, double y) const;
-  bool differs(double x, double other) const;  // the operator, between two places of the first axis
+  static bool differ(const std::optional<LinearisedOperator>& a, const std::optional<LinearisedOperator>& b);
   // the answer without a grid, where there is one
   std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;
   bool all_known(const LinearisedOperator& J) const;
