@@ -27,15 +27,15 @@ import argparse
 import json
 import sys
 
-import numpy as np
+from stickslip import Plate, Unusable, options, reading, scene_title  # first: it says which Python to take
 
-from stickslip import Plate, Unusable, options, reading, scene_title
+import numpy as np
 
 FEWEST = 20     # events for a fit
 WIDTH = 0.25    # of a bin of magnitudes
 STRETCHES = 20  # of the time of a lone run, for its interval
 SEEDS = ("friction_seed", "init_seed")
-DENSITY = "events per node, plate\ndisplacement and unit of ln M"  # what curves of magnitudes show
+DENSITY = "events per node, plate\ndisplacement and unit of {}"  # what curves of magnitudes show
 
 
 # ---- one run ----------------------------------------------------------------------------------------------------------
@@ -363,17 +363,19 @@ def sequence_words(found, main):
            f"by the mean rate {found['by_mean_rate']:.3g}"
 
 
-def draw_density(axes, each, scale, colour):
+def draw_density(axes, each, scale, colour, unit=1.):
     """How many events there are of each magnitude, from the magnitudes of each run: bins without any left out, errors those of
-    the logarithm (of fewer than three runs by Poisson's law, else from the scatter of runs). Returns the line."""
+    the logarithm (of fewer than three runs by Poisson's law, else from the scatter of runs). The axis has ln M times `unit`.
+    Returns the line."""
     edges = bins(np.concatenate(each))
     each = np.array([np.histogram(m, edges)[0] for m in each])
     counts = each.sum(axis=0).astype(float)
     counts[counts == 0] = np.nan
     error = (np.sqrt(counts) if len(each) < 3 else np.std(each, axis=0, ddof=1) * np.sqrt(len(each))) / counts
     bars = counts * [-np.expm1(-error), np.expm1(error)]
-    return axes.errorbar((edges[:-1] + edges[1:]) / 2, counts / scale, bars / scale, fmt="o-", ms=2.5, lw=0.8, elinewidth=0.6,
-                         color=colour)[0]
+    scale = scale * unit
+    return axes.errorbar(unit * (edges[:-1] + edges[1:]) / 2, counts / scale, bars / scale, fmt="o-", ms=2.5, lw=0.8,
+                         elinewidth=0.6, color=colour)[0]
 
 
 def picture(groups, table, by):
@@ -391,7 +393,7 @@ def picture(groups, table, by):
         at = np.array([c["low"] for c in good]) + 0.06 * (k - (len(groups) - 1) / 2)  # side by side
         cut.errorbar(at, b, np.maximum(bars, 0), fmt="o-", ms=3, lw=1, capsize=2, color=colour)
     curve.set_yscale("log")
-    name_axes(curve, "magnitude ln M", DENSITY)
+    name_axes(curve, "magnitude ln M", DENSITY.format("ln M"))
     name_axes(cut, "smallest magnitude ln M in the fit", "b, with its 95 % interval over the runs")
     figure.title(scene_of(groups, by))
     return figure

@@ -16,9 +16,10 @@ import os
 import sys
 import tempfile
 
+import stickslip  # first: it says which Python to take
+
 import numpy as np
 
-import stickslip
 from style import BLUE, GREEN, GREY, RED, REFERENCE, SLIDES, STICKS, VIOLET, Picture, logarithmic, name_axes, typeset
 
 RUNS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "runs")

@@ -8,9 +8,11 @@
     ring.psi.sel(t=5, method="nearest").plot()
     stickslip.open("ring.h5", "series").psi_max    # groups: series, probes, events, ...
     stickslip.options(ring)["model_gamma"]         # what made it, defaults included
+    stickslip.run("cycle", {"model": {"form": "chain"}}, friction_law="table", friction_table=(v, mu))
 
-The program is that of STICKSLIP in the environment, else `stickslip` of the PATH, else build/stickslip of this source
-tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `scene_title`.
+What Python's users have in hand is taken as it is: numbers and truth values of numpy, paths, a scene as a dict, measured
+columns (arrays, lists, Series, DataFrames) as a tuple of columns or a table. The program is that of STICKSLIP in the
+environment, else `stickslip` of the PATH, else build/stickslip of this source tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `scene_title`.
 """
 import contextlib
 import io
@@ -20,10 +22,17 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 
-import h5py
-import numpy as np
+try:
+    import h5py
+    import numpy as np
+except ImportError as error:
+    LACKS = f"{sys.executable} has no {error.name}; take that of the system, /usr/bin/python3 (README.md names its packages)"
+    if os.path.dirname(os.path.abspath(sys.argv[0])) == os.path.dirname(os.path.abspath(__file__)):
+        sys.exit(f"{os.path.basename(sys.argv[0])}: error: {LACKS}")  # a script beside this one
+    raise ImportError(LACKS) from None
 
 SYMBOL = {"psi": "ψ", "eta": "η", "tau": "τ", "theta": "θ", "chi": "χ"}
 GREEK = {"model_gamma": "γ", "model_delta": "δ", "model_zeta": "ζ", "model_f0": "f₀", "model_k0": "k₀",
@@ -35,7 +44,7 @@ class Unusable(Exception):
 
 
 class Failed(Exception):
-    """A command that did not end with code 0: the program's line of error, and `code`."""
+    """A command that did not end with code 0: what the program said of it in one line, and `code`."""
 
     def __init__(self, message, code):
         super().__init__(message)
@@ -46,6 +55,14 @@ def program():
     """The path of the program."""
     beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "build", "stickslip")
     return os.environ.get("STICKSLIP") or shutil.which("stickslip") or os.path.normpath(beside)
+
+
+def scene(settings, before=""):
+    """Options by name from a dict that is a scene as YAML has it: {"model": {"form": "chain", "v": 0.5}, "grid_n": 1}."""
+    flat = {}
+    for name, value in settings.items():
+        flat.update(scene(value, f"{before}{name}_") if isinstance(value, dict) else {before + name: value})
+    return flat
 
 
 def word_of(value, between=","):
@@ -60,22 +77,58 @@ def word_of(value, between=","):
     return str(value)
 
 
-def words_of(settings):
-    """Options of a command line: ts_max_time=10 is -ts_max_time 10, None is left out."""
-    return [word for name, value in settings.items() if value is not None for word in ("-" + name, word_of(value))]
+READ_FROM_FILES = ("fit_data", "init_file")  # options whose value is a file's name in any case
+LONGEST_WORD = 2000                          # a longer list is handed over in a file, too
+
+
+def columns_of(value):
+    """The table behind columns (a tuple of at least two of one length) or rows (a DataFrame, an array of two dimensions), as an
+    array of rows; None where it is neither."""
+    if isinstance(value, tuple) and len(value) > 1 and all(np.ndim(column) == 1 for column in value):
+        if len({len(column) for column in value}) > 1:
+            raise Unusable(f"has columns of {', '.join(str(len(column)) for column in value)} rows")
+        return np.column_stack([np.asarray(column, float) for column in value])
+    if np.ndim(value) == 2 and hasattr(value, "__array__"):
+        return np.asarray(value, float)
+    return None
+
+
+def words_of(settings, before=""):
+    """Options of a command line: ts_max_time=10 is -ts_max_time 10, None is left out. Columns are typed as pairs where they are
+    two and short, else written to a file, whose name begins with `before`."""
+    words = []
+    for name, value in settings.items():
+        if value is None:
+            continue
+        try:
+            table = columns_of(value)
+        except (Unusable, ValueError) as error:
+            raise Unusable(f"{name}: {error}") from error
+        word = word_of(value if table is None else table)
+        if table is not None and (name in READ_FROM_FILES or table.shape[1] != 2 or len(word) > LONGEST_WORD):
+            word = f"{before}{name}.txt"
+            np.savetxt(word, table, "%.17g")
+        words += ["-" + name, word]
+    return words
 
 
 def run(command, *words, ranks=1, **settings):
-    """Runs a command (a scene and further words as they are typed; options by name) and returns its summary as a dict.
-    Raises Failed where the exit code is not 0."""
+    """Runs a command and returns its summary as a dict: a scene (a file, or a dict) and further words as they are typed,
+    options by name; of two values of one option the later holds. Columns that need a file are kept beside out_file under
+    its name, and without one for as long as the command runs. Raises Failed where the exit code is not 0."""
+    settings = {name: value for part in [*(scene(word) for word in words if isinstance(word, dict)), settings]
+                for name, value in part.items()}
     with tempfile.TemporaryDirectory() as folder:
         summary = os.path.join(folder, "summary.json")
         line = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        line += [program(), command, *map(word_of, words), *words_of(settings), "-progress", "off", "-summary", summary]
+        line += [program(), command, *(word_of(word) for word in words if not isinstance(word, dict))]
+        out = settings.get("out_file")
+        before = os.path.splitext(out)[0] + "-" if out else os.path.join(folder, "")
+        line += [*words_of(settings, before), "-progress", "off", "-summary", summary]
         done = subprocess.run(line, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            said = [one for one in done.stderr.splitlines() if one.startswith("stickslip: error: ")]
-            raise Failed(said[0] if said else done.stderr.strip(), done.returncode)
+            said = re.search(r"^stickslip: error: (.*)", done.stderr, re.MULTILINE)
+            raise Failed(said[1] if said else done.stderr.strip(), done.returncode)
         with io.open(summary, encoding="utf-8") as file:  # `open` is that of results here
             return json.load(file)
 

@@ -11,7 +11,7 @@ import os
 import sys
 from xml.sax.saxutils import quoteattr
 
-import h5py
+from stickslip import Unusable, reading
 
 
 def document(source, name):
@@ -42,12 +42,12 @@ def main(arguments=None):
     given = parser.parse_args(arguments)
     out = given.out or os.path.splitext(given.file)[0] + ".xdmf"
     try:
-        with h5py.File(given.file) as source:
+        with reading(given.file) as source:
             if "psi" not in source or "t" not in source:
-                raise OSError("not the file of a run")
+                raise Unusable("is not the file of a run")
             text = document(source, os.path.relpath(given.file, os.path.dirname(out) or "."))
-    except OSError as trouble:
-        print(f"xdmf.py: {given.file}: {trouble}", file=sys.stderr)
+    except Unusable as error:
+        print(f"xdmf.py: error: '{given.file}' {error}", file=sys.stderr)
         return 2
     with open(out, "w", encoding="utf-8") as file:
         file.write(text)

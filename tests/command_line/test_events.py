@@ -1,4 +1,7 @@
 """The catalogue of slip events (out_events): known events, any number of ranks, restart, kill -9, pictures."""
+import contextlib
+import csv
+import io
 import os
 import signal
 import subprocess
@@ -252,3 +255,24 @@ def test_pictures_and_fit():
     m = np.random.default_rng(1).exponential(1 / 0.8, 40000)
     b, error, number = events.fit(m, 0.5, 3)
     check(abs(b - 0.8) < 3 * error and error < 0.02, f"fit {b} +- {error} of {number}")
+    # of one density: per unit of Mw the slope to the base 10 is 3b/2; of eight files the eighth is there, too
+    catalogue = {"events": {"t": m, "extent": np.ones(len(m)), "magnitude": m}, "x": np.arange(4), "way": 1.}
+    for kind, bounds in (("lnM", (0.5, 3)), ("Mw", (0.5 * 2 / (3 * np.log(10)), 3 * 2 / (3 * np.log(10))))):
+        picture = events.Picture(3)
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            events.draw_curve(picture, picture.subplots(), [catalogue] * 8, list("abcdefgh"), bounds, kind)
+        words = f"b = {b:.3f} +- {error:.3f} (3b/2 = {1.5 * b:.3f} +- {1.5 * error:.3f})"
+        check(said.getvalue().count(words) == 8, said.getvalue())
+        x, y = picture.axes[0].lines[0].get_data()
+        inside = (x > bounds[0]) & (x < bounds[1])
+        slope = -np.polyfit(x[inside], np.log10(y[inside]), 1)[0]
+        expected = b / np.log(10) if kind == "lnM" else 1.5 * b
+        check(abs(slope / expected - 1) < 0.05, f"{kind}: {slope} {expected}")
+    done = tool("events.py", "whole.h5", "one.h5", "-o", "e.png", "--csv", "e.csv", "--magnitude", "Mw")
+    check(done.stdout.endswith("e.csv\ne.png\n"), done.stdout + done.stderr)
+    with open("e.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    with h5py.File("whole.h5") as first, h5py.File("one.h5") as second:
+        for name in ("t", "moment", "extent"):
+            both = [*first["events"][name][:], *second["events"][name][:]]
+            check([float(row[name]) for row in rows] == both, f"{name} in the table")

@@ -3,6 +3,8 @@ import contextlib
 import io
 import os
 import re
+import shutil
+import subprocess
 import sys
 
 import numpy as np
@@ -24,6 +26,11 @@ def test_session_of_the_page():
         blocks = re.findall(r"```python\n(.*?)```", page.read(), re.DOTALL)
     check(len(blocks) >= 5, f"{len(blocks)} blocks")
     names = {}
+    for name in ("measured-curve.txt", "catalogue.yaml"):  # as seen from docs
+        os.makedirs("runs", exist_ok=True)
+        shutil.copy(os.path.join(SOURCE, "runs", name), "runs")
+    os.makedirs("docs")
+    os.chdir("docs")
     for block in blocks:
         exec(compile(block, "docs/python.md", "exec"), names)
     check(names["ring"]["regime"] == "stick-slip" and names["swing"] >= 0, names["ring"]["regime"])
@@ -56,6 +63,45 @@ def test_values_of_numpy_and_xarray():
     block = {"model_form": "chain", "grid_n": np.int64(1), "bc_left": "free", "ts_max_time": np.float32(1.5)}
     check(stickslip.run("run", load_v=np.array([[0, 0.5], [1, 0.75]]), out_displacement=np.bool_(True), **block)["t_end"] == 1.5,
           "a run")
+
+
+def test_columns_and_scenes():
+    """Short columns are typed as pairs, others stand in a file; a dict is a scene; both give what a file gives."""
+    import pandas
+    import stickslip
+    v, force = np.array([0., 0.1, 0.4, 1]), [1, 0.8, 0.5, 0.6]
+    frame = pandas.DataFrame({"v": v, "F": force})
+    for value in ((v, force), (frame.v, frame.F), frame, frame.to_numpy(), list(zip(v, force))):
+        word = stickslip.words_of({"friction_table": value})[1]
+        check([tuple(map(float, pair.split(":"))) for pair in word.split(",")] == list(zip(v, force)), word)
+    check(stickslip.scene({"model": {"form": "chain", "k0": {"profile": [(0, 1)]}}, "grid_n": 1}) ==
+          {"model_form": "chain", "model_k0_profile": [(0, 1)], "grid_n": 1}, "a scene")
+    with pytest.raises(stickslip.Unusable, match="friction_table: has columns of 4, 3 rows"):
+        stickslip.words_of({"friction_table": (v, force[:3])})
+    block = {"model": {"form": "chain", "v": 0.2}, "bc": {"left": "free"}, "grid": {"n": 1}, "friction": {"law": "table"}}
+    long = np.linspace(0, 1, 300), 1 - 0.4 * np.linspace(0, 1, 300)
+    found = [stickslip.run("run", block, ts_max_time=5, friction_table=table, out_file=name)["psi_max"]
+             for table, name in ((long, "a.h5"), ("a-friction_table.txt", "b.h5"), (pandas.DataFrame(long).T, None))]
+    check(found[0] == found[1] == found[2] and os.path.exists("a-friction_table.txt"), f"{found}")
+    x = np.arange(2.)
+    pair = {**stickslip.scene(block), "grid_n": 2, "model_k1": 0.5}
+    start = stickslip.run("run", pair, friction_table=(v, force), init_type="text", init_file=(x, 0.1 * x, 0.2 * x),
+                          ts_max_time=1e-9)
+    check(abs(start["psi_max"] - 0.1) < 1e-6, f"a start: {start['psi_max']}")
+    with pytest.raises(stickslip.Failed, match="^-model_gamma -3: "):
+        stickslip.run("run", block, model_gamma=-3)
+
+
+def test_a_python_without_h5py_says_which_to_take():
+    hide = ("import sys, runpy\nsys.modules['h5py'] = None\nsys.argv[:] = sys.argv[1:]\n"
+            "runpy.run_path(sys.argv[0], run_name='__main__')")
+    folder = os.path.join(SOURCE, "postprocess")
+    for script in ("plot.py", "events.py", "catalogue.py", "memory.py", "xdmf.py"):
+        done = subprocess.run([sys.executable, "-B", "-c", hide, os.path.join(folder, script), "a.h5"],
+                              capture_output=True, text=True, env={**os.environ, "PYTHONPATH": folder},
+                              check=False)
+        check(done.returncode != 0 and done.stderr.startswith(f"{script}: error: ") and done.stderr.count("\n") == 1 and
+              "has no h5py; take that of the system, /usr/bin/python3" in done.stderr, done.stderr)
 
 
 def plot(*words, code=0):

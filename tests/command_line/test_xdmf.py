@@ -28,4 +28,4 @@ def test_a_file_of_another_kind_is_refused():
     with open("notes.txt", "w", encoding="utf-8") as file:
         file.write("no")
     done = tool("xdmf.py", "notes.txt")
-    assert done.returncode == 2 and done.stderr.startswith("xdmf.py: notes.txt: ") and done.stderr.count("\n") == 1
+    assert done.returncode == 2 and done.stderr.startswith("xdmf.py: error: 'notes.txt' ") and done.stderr.count("\n") == 1
