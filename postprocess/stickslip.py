@@ -12,7 +12,8 @@
 
 What Python's users have in hand is taken as it is: numbers and truth values of numpy, paths, a scene as a dict, measured
 columns (arrays, lists, Series, DataFrames) as a tuple of columns or a table. The program is that of STICKSLIP in the
-environment, else `stickslip` of the PATH, else build/stickslip of this source tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `scene_title`.
+environment, else `stickslip` of the PATH, else build/stickslip of this source tree. Files are read with h5py by the
+scripts beside this one: `reading`, `text`, `scene_title`.
 """
 import contextlib
 import io

@@ -386,12 +386,27 @@ void read_grid(const Options& o, Scene& s) {
     throw UsageError(shown(o, "grid_length") + ": too short for " + std::to_string(s.n) + " nodes");
 }
 
+// A coefficient of friction is nowhere above 10: such a table is of forces, and belongs to an amplitude of 1.
+void warn_of_table_of_forces(const Scene& s) {
+  const bool chain = s.form == Form::chain;
+  const double amplitude = chain ? s.f0 : s.gamma;
+  const auto larger = [](const auto& a, const auto& b) { return std::abs(a.second) < std::abs(b.second); };
+  const auto& curve = s.friction.curve;
+  const auto largest = std::max_element(curve.begin(), curve.end(), larger);
+  if (largest == curve.end() || std::abs(largest->second) <= 10 || amplitude == 1) return;
+  const std::string name = chain ? "model_f0" : "model_gamma";
+  warn("friction_table is multiplied by " + name + " " + number_text(amplitude) + ": friction at " +
+       (largest->first == 0 ? "rest" : "psi = " + number_text(largest->first)) + " is " +
+       number_text(amplitude * largest->second) + "; a table of forces goes with " + name + " 1");
+}
+
 }  // namespace
 
 Scene Scene::from(const Options& options, bool) {
   Scene scene;
   read_model(options, scene);
   read_law(options, scene.friction);
+  warn_of_table_of_forces(scene);
   read_spread(options, scene);
   read_state(options, scene);
   read_ends(options, scene);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
+#include <set>
 
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
@@ -72,24 +72,15 @@ std::vector<Given> scene_options(const std::string& path) {
   return given;
 }
 
-// The file of that name; where there is none, the one beside the scene that names it (`where`: scene:line).
-std::string path_beside(const std::string& name, const std::string& where) {
-  namespace fs = std::filesystem;
-  std::error_code ignored;
-  if (fs::exists(name, ignored)) return name;
-  const fs::path beside = fs::path(where).parent_path() / name;
-  return fs::exists(beside, ignored) ? beside.string() : name;
-}
-
 // Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is
 // written, and a restart does not read it again.
 void take_in_table(Given& given) {
   const OptionSpec* spec = find_option(given.name);
-  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos ||
-      takes_away(*spec, *given.text))
-    return;
+  if (!spec || spec->type != OptionType::pairs || !given.text || takes_away(*spec, *given.text)) return;
+  const bool may_be_pairs = given.text->find(':') != std::string::npos;
+  if (may_be_pairs && (parse_pairs(*given.text) || !names_table(*given.text, given.where))) return;
   Pairs pairs;
-  const Rows rows = read_columns(spec->name, path_beside(*given.text, given.where), 2, 2);
+  const Rows rows = read_columns(spec->name, *given.text, given.where, 2, 2);
   for (const std::vector<double>& row : rows.values) pairs.emplace_back(row[0], row[1]);
   std::size_t at = 0;
   const std::string fault = spec->fault ? spec->fault(pairs, at) : "";
@@ -101,6 +92,16 @@ void take_in_table(Given& given) {
     throw usage_error("-{} {}{}: the first column must ascend, each number at most twice", spec->name,
                       stickslip::quoted(*given.text), in_place(given.where));
   given.text = text;
+}
+
+// Of an option that is given more than once the last counts, and only what counts is judged.
+void keep_last(std::vector<Given>& given) {
+  std::set<std::string> seen;
+  const auto is_later = [&seen](const Given& one) {
+    const OptionSpec* spec = find_option(one.name);
+    return !seen.insert(spec ? spec->name : lower_case(one.name)).second;
+  };
+  given.erase(given.begin(), std::remove_if(given.rbegin(), given.rend(), is_later).base());
 }
 
 // Help or the version, asked for without a command.
@@ -181,6 +182,7 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
   if (yaml && *yaml) append(parse_yaml(yaml, "PETSC_OPTIONS_YAML"));
   for (const Given& given : typed)
     if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
+  keep_last(line.given);
   for (Given& given : line.given) take_in_table(given);
   return line;
 }

@@ -184,9 +184,10 @@ std::string requirement(const OptionSpec& spec) {
     case OptionType::text_list: return "words separated by commas";
     case OptionType::real_or_word: return "a finite number" + range_text(spec) + or_words(spec);
     case OptionType::pairs:
-      if (spec.fault) return "x1:y1,x2:y2,... with x ascending, each once, or a file of two columns";
+      if (spec.fault)
+        return "x1:y1,x2:y2,... with x ascending, each once, or a file of two columns (FILE:1,3 of more)";
       return "x1:value1,x2:value2,... with x ascending, each at most twice, and values that are finite" +
-             range_text(spec) + ", or a file of two columns";
+             range_text(spec) + ", or a file of two columns (FILE:1,3 of more)";
     case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
     case OptionType::wall_time: return "a time (30s, 10m, 2h)";
   }

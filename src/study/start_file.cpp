@@ -142,9 +142,9 @@ Frame frame_of_text(const Scene& s, const Options& options) {
   std::vector<double> numbers;
   std::size_t columns = 0;
   on_root(PETSC_COMM_WORLD, [&] {
-    const auto rows = read_columns("init_file", path, 3, 4).values;
-    columns = rows.front().size();
-    for (const std::vector<double>& row : rows) numbers.insert(numbers.end(), row.begin(), row.end());
+    const Rows rows = read_columns("init_file", path, options.line_in_scene("init_file"), 3, 4);
+    columns = rows.values.front().size();
+    for (const std::vector<double>& row : rows.values) numbers.insert(numbers.end(), row.begin(), row.end());
   });
   broadcast(columns);
   broadcast(numbers);
