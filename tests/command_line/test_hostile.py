@@ -214,7 +214,7 @@ def test_columns(server):
         file.write(b"0 0.1 0\n" + b"1" * 3000000)
     text_start = "run -grid_n 16 -init_type text -init_file".split()
     refuse(server, [*text_start, "bad.txt"], "bad.txt", "65535 bytes")
-    refuse(server, [*text_start, "/dev/zero"], "/dev/zero", "4095 bytes")
+    refuse(server, [*text_start, "/dev/zero"], "/dev/zero", "65535 bytes")
     refuse(server, [*text_start, "."], "init_file")
     refuse(server, ["run", "-load_v", "/dev/zero"], "/dev/zero")
     with open("bad.txt", "wb") as file:
