@@ -1,8 +1,11 @@
 #!/usr/bin/python3
-"""Draws result files of stickslip as PNG.
+"""Draws result files of stickslip.
 
     plot.py FILE [FILE ...] [-o OUT.png] [--what WHAT] [--frame N]
+    plot.py FILE -o figure.pdf --size 3.4x2.6 --style journal.mplstyle --label "model_v=Disc speed (m/s)"
     plot.py FILE --movie [-o OUT.gif]
+
+OUT may end in .png, .pdf, .svg or whatever else matplotlib writes. A matplotlibrc holds, and a style sheet (--style) over it.
 
 The kind of the file decides what is drawn; for the file of a run, WHAT is one of
     xt         psi over x and t; --field names another field. Of one block, or a medium that moves as one: psi and eta
@@ -25,6 +28,19 @@ import argparse
 import os
 import sys
 
+def size_of(text):
+    """WIDTHxHEIGHT in inches."""
+    width, height = map(float, text.lower().split("x"))
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise ValueError(text)
+    return width, height
+
+
+def label_of(text):
+    name, words = text.split("=", 1)
+    return name.strip(), words.strip()
+
+
 PICTURES = ("xt", "profile", "phase", "probes", "series", "catalogue", "lyapunov", "lab")  # of a run
 
 
@@ -39,13 +55,23 @@ def main(arguments=None):
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
     parser.add_argument("--key", metavar="NAME", help="sweep: number of the summaries to draw")
     parser.add_argument("--fails", action="store_true", help="chart of limits: how methods fail, not the steps that are right")
+    parser.add_argument("--style", metavar="FILE", help="style sheet of matplotlib (.mplstyle), or the name of one")
+    parser.add_argument("--size", metavar="WxH", type=size_of, help="width and height in inches, e.g. 3.4x2.6")
+    parser.add_argument("--label", metavar="NAME=WORDS", type=label_of, action="append", default=[],
+                        help="what an option or a quantity is called, e.g. \"model_v=Disc speed (m/s)\"; may stand several times")
     parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
     args = parser.parse_args(arguments)
     from drawing import Unusable, make  # not before: matplotlib takes most of a second
+    import style
     output = args.output
     if not output:
         output = os.path.splitext(args.files[0])[0] + (f"-{args.what}" if args.what not in (None, "xt") else "") + \
             (".gif" if args.movie else ".png")
+    try:
+        style.choose(args.style, args.size, args.label)
+    except (OSError, ValueError) as error:
+        print(f"plot.py: error: --style {args.style}: {str(error).splitlines()[0]}", file=sys.stderr)
+        return 2
     try:
         make(args, output)
     except Unusable as error:

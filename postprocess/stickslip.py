@@ -250,9 +250,8 @@ def scene_title(file, varied=()):
     every = options(file)
     known = {name: value for name, value in every.items() if name not in varied}
     form = known.get("model_form", "")
-    names = {"continuum": ["gamma", "delta", "c", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "v"]}.get(form, [])
-    if float(known.get("model_nu", 0) or 0) != 0:
-        names = [*names[:-1], "nu", names[-1]] if names else []
+    names = {"continuum": ["gamma", "delta", "c", "nu", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "nu", "v"]}.get(form, [])
+    names = [name for name in names if acts(name, known)]
     parts = [form] if form else []
     law, state = known.get("friction_law", ""), known.get("state_law", "")
     parts += [law] if law else []
@@ -276,6 +275,15 @@ def scene_title(file, varied=()):
     if known.get("friction_spread", "0") not in ("", "0"):
         parts.append(f"spread {known['friction_spread']}")
     return ", ".join(part.replace(" ", "\u00a0") for part in parts)
+
+
+def acts(name, known):
+    """Whether an option of the model has a part in a scene: one node has no neighbours, and a damping of 0 is none."""
+    value = known.get("model_" + name, "")
+    if name in ("c", "k1", "nu") and known.get("grid_n") == "1":
+        return False
+    return name not in ("delta", "zeta", "nu") or known.get(f"model_{name}_profile", "none") not in ("", "none") or \
+        value == "paper" or float(value or 0) != 0
 
 
 def differing(files):

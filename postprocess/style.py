@@ -8,6 +8,7 @@ import textwrap
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import matplotlib  # noqa: E402
+import matplotlib.style  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E402
@@ -15,13 +16,30 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E4
 from placing import Placing  # noqa: E402
 from stickslip import GREEK, SYMBOL  # noqa: E402
 
-WIDTH, SIZE, DPI = 7.2, 9, 150  # inches, points, dots an inch
-matplotlib.rcParams.update({
-    "font.size": SIZE, "figure.dpi": DPI, "savefig.dpi": DPI, "mathtext.default": "it",
-    **{name: SIZE for name in ("axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize",
-                               "figure.titlesize")},
+OWN = {
+    "figure.figsize": [7.2, 4.8], "font.size": 9, "figure.dpi": 150, "savefig.dpi": 150, "mathtext.default": "it",
+    **{name: "medium" for name in ("axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize",
+                                   "figure.titlesize")},
     "axes.spines.top": False, "axes.spines.right": False, "axes.formatter.useoffset": False, "axes.linewidth": 0.7,
-    "lines.linewidth": 1.3, "lines.markersize": 4, "legend.frameon": False, "hatch.linewidth": 0.6})
+    "lines.linewidth": 1.3, "lines.markersize": 4, "legend.frameon": False, "hatch.linewidth": 0.6}
+# A matplotlibrc of the user's own holds where it says something else than matplotlib does.
+matplotlib.rcParams.update({name: value for name, value in OWN.items()
+                            if matplotlib.rcParams[name] == matplotlib.rcParamsDefault[name]})
+as_given = set()   # words that stand as the user gave them
+given_size = None  # width and height in inches, in place of the width of rcParams and each picture's height
+
+
+def choose(style=None, size=None, names=()):
+    """What the user wants instead: a style sheet of matplotlib, a size in inches, names of quantities or options as
+    {name: words} for axes and labels."""
+    global given_size
+    if style:
+        matplotlib.style.use(style)
+    given_size = size
+    for name, words in dict(names).items():
+        NAMES[name], SYMBOLS[name] = words, ""
+        as_given.add(words)
+
 
 # Told apart by readers who see fewer colours, too (tests/command_line/test_plot.py). The last is for what is only compared.
 BLUE, RED, GREEN, VIOLET, OCHRE, SLATE, BLACK = COLOURS = ["#0b3f8a", "#b03800", "#10a878", "#b04fd8", "#c99500", "#5a7f9a",
@@ -52,6 +70,8 @@ def typeset(words):
     """Words with their symbols in italics: Greek letters, and Latin ones that stand alone."""
     def italic(match):
         return "$" + "".join(SUBSCRIPTS.get(letter, letter) for letter in match[0]) + "$"
+    if words in as_given:
+        return words
     parts = str(words).split("$")  # what is typeset already stays
     parts[::2] = [LETTER.sub(italic, part) for part in parts[::2]]
     return "$".join(parts)
@@ -87,12 +107,14 @@ class Picture(Figure):
     and of each other, whole inside their axes; what finds no place there stands in a key below."""
 
     def __init__(self, height, **settings):
-        super().__init__(figsize=(WIDTH, height), layout="constrained", **settings)
-        self.placing = Placing(self, SIZE)
+        width = matplotlib.rcParams["figure.figsize"][0]
+        super().__init__(figsize=given_size or (width, height), layout="constrained", **settings)
+        self.placing = Placing(self, matplotlib.rcParams["font.size"])
 
     def title(self, words, axes=None):
         """Above all, or above one panel; in as many lines as it takes."""
-        width = int(WIDTH * 15.5 * (axes.get_position().width if axes else 1))
+        letters = self.get_figwidth() * 139.5 / matplotlib.rcParams["font.size"]  # about two letters in the height of one
+        width = max(8, int(letters * (axes.get_position().width if axes else 1)))
         lines = "\n".join(line for part in words.split("\n") for line in textwrap.wrap(part, width))
         (axes.set_title if axes else self.suptitle)(typeset(lines))
 
@@ -110,6 +132,10 @@ class Picture(Figure):
         self.placing.region(axes, typeset(words), inside, colour or "0.2")
 
     def savefig(self, target, **settings):
+        drawn = matplotlib.rcParams["lines.linewidth"]
+        for line in (line for axes in self.axes for line in axes.lines):  # their widths are meant beside our own
+            if line.get_linewidth() != drawn:
+                line.set_linewidth(line.get_linewidth() * drawn / OWN["lines.linewidth"])
         self.placing.finish()
         if not (isinstance(target, (str, os.PathLike)) and os.fspath(target).endswith(".png")):
             return super().savefig(target, **settings)

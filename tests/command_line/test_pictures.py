@@ -106,7 +106,7 @@ def test_labels(pictures, words):
     unseen = set(seen_ticks(picture))
     texts = [text for text in texts_of(picture) if id(text) not in unseen]
     sizes = {text.get_size() for text in texts}
-    check(sizes == {style.SIZE}, f"sizes of type: {sizes}")
+    check(sizes == {style.OWN["font.size"]}, f"sizes of type: {sizes}")
     boxes = [text.get_window_extent() for text in texts]
     for text, box in zip(texts, boxes):
         inside = box.x0 >= -1 and box.y0 >= -1 and box.x1 <= picture.bbox.x1 + 1 and box.y1 <= picture.bbox.y1 + 1
