@@ -3,7 +3,9 @@
 
 #include "catch.hpp"
 #include "shared.hpp"
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
 
@@ -381,5 +383,29 @@ TEST_CASE("more ranks than nodes is refused") {
     CHECK_THROWS_AS(Model(PETSC_COMM_WORLD, s), UsageError);
   } else {
     CHECK_NOTHROW(Model(PETSC_COMM_WORLD, s));
+  }
+}
+
+TEST_CASE("numbers of any nodes come from the ranks that have them", "[model]") {
+  const MPI_Comm comm = PETSC_COMM_WORLD;
+  const PetscInt local = 3 + rank_in(comm), dof = 3;
+  PetscInt all = 0, first = 0;
+  SS_TRY(MPI_Allreduce(&local, &all, 1, MPIU_INT, MPI_SUM, comm));
+  SS_TRY(MPI_Exscan(&local, &first, 1, MPIU_INT, MPI_SUM, comm));
+  if (rank_in(comm) == 0) first = 0;
+  // of every second rank none; out of order, and one twice
+  std::vector<PetscInt> nodes;
+  if (rank_in(comm) % 2 == 0) nodes = {all - 1, 0, (first + local) % all, 0, all / 2};
+  for (const int kept : {1, 2, 3}) {
+    const NodeFetch fetch({comm, local, all, int(dof)}, kept, nodes);
+    CHECK(fetch.is_local() == (ranks_in(comm) == 1));
+    for (const double factor : {1., -7.}) {
+      std::vector<double> own;
+      for (PetscInt i = 0; i < local * dof; ++i) own.push_back(factor * double(first * dof + i));
+      fetch.take(own.data());
+      for (std::size_t i = 0; i < nodes.size(); ++i)
+        for (int d = 0; d < kept; ++d)
+          CHECK(fetch.values()[i * std::size_t(kept) + std::size_t(d)] == factor * double(nodes[i] * dof + d));
+    }
   }
 }

@@ -39,7 +39,7 @@ Model::Model(MPI_Comm comm, const Scene& s)
   right_hand_side_ = std::make_unique<const RightHandSide>(scene_, first_, local_);
   if (scene_.massless())
     massless_ = std::make_unique<const MasslessChain>(comm_, scene_, *law_, amplitude_, first_);
-  halo_ = std::make_unique<const PsiHalo>(scene_, dof_, first_, local_, create_vector());
+  halo_ = std::make_unique<const PsiHalo>(scene_, NodeFetch::Layout{comm_, local_, scene_.n, dof_}, first_);
 }
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
@@ -146,12 +146,13 @@ void Model::over_ranges(Vec u, Vec f, bool coupled, const Take& take) const {
     take(InterleavedRange{a + begin * dof_, own, b + begin * dof_, end - begin, before.data(), behind.data(),
                           direction_ ? direction_ + begin : nullptr, begin});
   };
-  if (halo_->is_local()) halo_->read(a);
-  if (!coupled || halo_->is_local()) return range(0, local_);
+  if (!coupled) return range(0, local_);
+  const NodeFetch& fetch = halo_->fetch();
+  fetch.begin(a);
+  if (fetch.is_local()) return range(0, local_);
   const bool wide = local_ > 2 * hw;
-  halo_->begin(u);
   if (wide) range(hw, local_ - hw);
-  halo_->end(u);
+  fetch.end();
   range(0, wide ? hw : local_);
   if (wide) range(local_ - hw, local_);
 }

@@ -9,11 +9,12 @@
 
 #include <petscsys.h>
 
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "model/loops.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
 
@@ -23,21 +24,17 @@ namespace stickslip {
 // the ends of the scene what these make of nodes inside (stencil.hpp).
 class PsiHalo {
  public:
-  // Of the nodes first .. first + local - 1; `pattern`: a Vec of the unknowns, dof a node. Collective.
-  PsiHalo(const Scene& scene, int dof, PetscInt first, PetscInt local, Vec pattern);
+  // Of the nodes first .. first + layout.local - 1. Collective.
+  PsiHalo(const Scene& scene, const NodeFetch::Layout& layout, PetscInt first);
 
-  bool is_local() const { return is_local_; }  // one rank has all nodes: nothing is sent
-  // Takes the values from u; with several ranks in two steps, of which the first only asks. Collective.
-  void read(const double* u) const;
-  void begin(Vec u) const;
-  void end(Vec u) const;
+  const NodeFetch& fetch() const { return *fetch_; }  // to be taken from the unknowns
 
   // psi of node i of this rank, or of its halo as it was taken last: -half_width .. local + half_width - 1.
   double psi_at(const double* u, PetscInt i) const {
     if (i >= 0 && i < local_) return u[i * dof_];
     double psi = 0;
     for (const auto& [index, weight] : halo_[i < 0 ? i + half_width_ : half_width_ + i - local_])
-      psi += weight * values_[index];
+      psi += weight * fetch_->values()[index];
     return psi;
   }
 
@@ -47,12 +44,8 @@ class PsiHalo {
 
   int dof_, half_width_;
   PetscInt local_;
-  std::vector<PetscInt> fetched_;  // global numbers, each once; they feed 2 half_width values
-  std::vector<Value> halo_;        // half_width values left (from -half_width to -1), then as many right
-  bool is_local_ = true;
-  ScatterHandle scatter_;
-  VecHandle fetched_psi_;
-  mutable std::vector<double> values_;
+  std::vector<Value> halo_;  // half_width values left (from -half_width to -1), then as many right
+  std::optional<NodeFetch> fetch_;
 };
 
 struct InterleavedRange {

@@ -64,12 +64,10 @@ void Displacement::make_piece(PetscInt margin) {
   };
   for (PetscInt i = 0; i < count; ++i) add_row(nodes[i], i, place);
   finish_matrix();
-  SS_TRY(MatCreateVecs(matrix_, piece_w_.out(), piece_load_.out()));
+  SS_TRY(MatCreateVecs(matrix_, piece_w_.out(), nullptr));
   SS_TRY(VecCreateMPI(model_.comm(), model_.local(), s.n, load_.out()));
   SS_TRY(VecDuplicate(load_, w_.out()));
-  IsHandle from;
-  SS_TRY(ISCreateGeneral(PETSC_COMM_SELF, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
-  SS_TRY(VecScatterCreate(load_, from, piece_load_, nullptr, fetch_.out()));
+  fetch_.emplace(NodeFetch::Layout{model_.comm(), model_.local(), s.n, 1}, 1, nodes);
 }
 
 template <class Place>
@@ -182,9 +180,8 @@ void Displacement::solve_loaded(Vec w) const {
   if (!fetch_) {
     SS_TRY(KSPSolve(ksp_, load_, w));
   } else {
-    SS_TRY(VecScatterBegin(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
-    SS_TRY(VecScatterEnd(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
-    SS_TRY(KSPSolve(ksp_, piece_load_, piece_w_));
+    fetch_->take(load_);
+    SS_TRY(KSPSolve(ksp_, fetch_->vector(), piece_w_));
     const Reading found(piece_w_);
     std::copy(found + own_, found + own_ + model_.local(), static_cast<double*>(Writing(w)));
   }

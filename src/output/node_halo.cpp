@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <set>
 
-#include "base/local_copy.hpp"
-
 namespace stickslip {
 
 namespace {
@@ -22,21 +20,13 @@ NodeHalo::NodeHalo(const Scene& scene, const NodeRange& nodes)
       if (term.first < first_ || term.first >= first_ + count_) beside.insert(term.first);
   }
   nodes_.assign(beside.begin(), beside.end());
-  const auto size = static_cast<PetscInt>(nodes_.size());
-  IsHandle from;
-  SS_TRY(VecCreateMPIWithArray(nodes.comm, 1, count_, static_cast<PetscInt>(nodes.all), nullptr, own_.out()));
-  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, size, fetched_.out()));
-  SS_TRY(ISCreateGeneral(PETSC_COMM_SELF, size, nodes_.data(), PETSC_COPY_VALUES, from.out()));
-  SS_TRY(VecScatterCreate(own_, from, fetched_, nullptr, scatter_.out()));
+  fetch_.emplace(NodeFetch::Layout{nodes.comm, count_, static_cast<PetscInt>(nodes.all), 1}, 1, nodes_);
 }
 
 std::vector<double> NodeHalo::fetch(const std::vector<double>& own) const {
-  if (!scatter_) return {};
-  SS_TRY(VecPlaceArray(own_, own.data()));
-  SS_TRY(VecScatterBegin(scatter_, own_, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, own_, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecResetArray(own_));
-  return local_values(fetched_);
+  if (!fetch_) return {};
+  fetch_->take(own.data());
+  return {fetch_->values(), fetch_->values() + nodes_.size()};
 }
 
 std::size_t NodeHalo::place_of(PetscInt node) const {

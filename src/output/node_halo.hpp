@@ -1,9 +1,10 @@
 // Values of nodes beside those of this rank that stencils of its own nodes reach.
 #pragma once
 
+#include <optional>
 #include <vector>
 
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/output/checkpoint.hpp"
@@ -27,9 +28,8 @@ class NodeHalo {
   std::size_t place_of(PetscInt node) const;
 
   PetscInt first_, count_;
-  std::vector<PetscInt> nodes_;  // those beside, in order
-  VecHandle own_, fetched_;      // own_: over the values that are given
-  ScatterHandle scatter_;        // none where the rank has all nodes
+  std::vector<PetscInt> nodes_;     // those beside, in order
+  std::optional<NodeFetch> fetch_;  // none where the rank has all nodes
 };
 
 }  // namespace stickslip

@@ -81,24 +81,15 @@ Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>
     here_.emplace(whole, x);
     own_.emplace(whole, places);
   }
-  std::vector<PetscInt> entries;
-  for (const PetscInt node : nodes_)
-    for (PetscInt d = 0; d < dof_; ++d) entries.push_back(node * dof_ + d);
-  const auto count = static_cast<PetscInt>(entries.size());
-  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_.out()));
-  IsHandle from;
-  SS_TRY(ISCreateGeneral(model.comm(), count, entries.data(), PETSC_COPY_VALUES, from.out()));
-  VecHandle pattern = model.create_vector();
-  SS_TRY(VecScatterCreate(pattern, from, fetched_, nullptr, scatter_.out()));
+  fetch_.emplace(NodeFetch::Layout{model.comm(), model.local(), model.scene().n, dof_}, dof_, nodes_);
   values_.psi.resize(x.size());
   values_.eta.resize(x.size());
 }
 
 const Probes::Values& Probes::read(Vec u) {
   if (rows_.empty()) return values_;
-  SS_TRY(VecScatterBegin(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  return values_of(Reading(fetched_));
+  fetch_->take(u);
+  return values_of(fetch_->values());
 }
 
 const Probes::Values& Probes::read(const std::function<void(PetscInt, double*)>& node) {

@@ -14,10 +14,9 @@
 #include <optional>
 #include <vector>
 
-#include "base/local_values.hpp"
 #include "model/kernel.hpp"
 #include "numerics/stage_program.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/time.hpp"
 
@@ -54,9 +53,11 @@ class BandLayout {
   int speaker_of_left() const { return 0; }
   int speaker_of_right() const { return right_ > 0 ? rank_of(n_ - right_) : 0; }
 
-  // The nodes that this rank does not own, for the tiles and half_width nodes around them. Collective.
-  void fetch(Vec u) const;
-  void end_fetch() const;
+  // The nodes that this rank does not own, for the tiles and half_width nodes around them, from the array of
+  // u, for what follows. Collective.
+  void fetch(const double* own) const {
+    if (fetch_) fetch_->take(own);
+  }
   // Unknown d of `count` nodes from local node i on (counted from this rank's first); own: the array of u.
   void read(const double* own, int d, PetscInt i, PetscInt count, double* into) const;
   // Unknown d of the tile, in the order of columns, from the array of a Vec; and what this rank owns back to
@@ -74,7 +75,7 @@ class BandLayout {
   int rank_of(PetscInt node) const;
   void cut();
   void choose_tiles();
-  void set_up_scatter();
+  void set_up_fetch();
 
   const Model& model_;
   int half_width_, dof_;
@@ -83,9 +84,7 @@ class BandLayout {
   int groups_ = 0, least_rows_ = 0, longer_ = 0, left_ = 0, right_ = 0;
   std::vector<BandTile> tiles_;
   PetscInt size_ = 0, left_halo_ = 0, right_halo_ = 0;
-  ScatterHandle scatter_;
-  VecHandle fetched_;
-  mutable std::optional<Reading> halo_;  // while fetched values are in use
+  std::optional<NodeFetch> fetch_;
 };
 
 // The values of a step of an implicit-explicit method over a whole BandLayout: u, a stage, what is known of

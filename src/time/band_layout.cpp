@@ -20,7 +20,7 @@ BandLayout::BandLayout(const Model& model)
   SS_TRY(MPI_Allgather(&first, 1, MPIU_INT, first_of_rank_.data(), 1, MPIU_INT, model.comm()));
   cut();
   choose_tiles();
-  set_up_scatter();
+  set_up_fetch();
 }
 
 void BandLayout::cut() {
@@ -73,7 +73,7 @@ void BandLayout::choose_tiles() {
   add(n_ - right_, right_, 1, -1);
 }
 
-void BandLayout::set_up_scatter() {
+void BandLayout::set_up_fetch() {
   const PetscInt first = model_.first(), local = model_.local();
   const bool ring = model_.scene().ring();
   PetscInt low = 0, high = local;
@@ -93,29 +93,16 @@ void BandLayout::set_up_scatter() {
   std::vector<PetscInt> nodes;
   for (PetscInt i = low; i < 0; ++i) nodes.push_back(wrapped(first + i));
   for (PetscInt i = local; i < high; ++i) nodes.push_back(wrapped(first + i));
-  const PetscInt count = nodes.size();
-  const VecHandle pattern = model_.create_vector();
-  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
-  IsHandle from;
-  SS_TRY(ISCreateBlock(model_.comm(), dof_, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
-  SS_TRY(VecScatterCreate(pattern, from, fetched_, nullptr, scatter_.out()));
+  fetch_.emplace(NodeFetch::Layout{model_.comm(), local, n_, dof_}, dof_, nodes);
 }
-
-void BandLayout::fetch(Vec u) const {
-  if (!scatter_) return;
-  SS_TRY(VecScatterBegin(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  halo_.emplace(fetched_);
-}
-
-void BandLayout::end_fetch() const { halo_.reset(); }
 
 void BandLayout::read(const double* own, int d, PetscInt i, PetscInt count, double* into) const {
   const PetscInt local = model_.local();
+  const double* const halo = fetch_ ? fetch_->values() : nullptr;
   for (PetscInt j = 0; j < count; ++j) {
     const PetscInt k = i + j;
-    into[j] = k < 0        ? (*halo_)[(k + left_halo_) * dof_ + d]
-              : k >= local ? (*halo_)[(left_halo_ + k - local) * dof_ + d]
+    into[j] = k < 0        ? halo[(k + left_halo_) * dof_ + d]
+              : k >= local ? halo[(left_halo_ + k - local) * dof_ + d]
                            : own[k * dof_ + d];
   }
 }

@@ -67,13 +67,10 @@ std::vector<T> BandedImex::by_tiles(const std::vector<T>& of_nodes) const {
 }
 
 void BandedImex::set_direction(const std::vector<double>& direction) {
-  const VecHandle going = model_.create_vector();
-  const Writing a(going);
-  for (PetscInt i = 0; i < model_.local(); ++i) a[i * model_.dof()] = direction[i];
-  layout_.fetch(going);
-  const Reading own(going);
-  for (const BandTile& t : layout_.tiles()) layout_.load(t, own, 0, &direction_[t.at]);
-  layout_.end_fetch();
+  std::vector<double> going(std::size_t(model_.local() * model_.dof()));
+  for (PetscInt i = 0; i < model_.local(); ++i) going[std::size_t(i * model_.dof())] = direction[i];
+  layout_.fetch(going.data());
+  for (const BandTile& t : layout_.tiles()) layout_.load(t, going.data(), 0, &direction_[t.at]);
 }
 
 // ---- a step
@@ -151,8 +148,8 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
 
 // u into its columns; with an explicit first stage its slopes too.
 void BandedImex::load(Vec u, const Step& step) const {
-  layout_.fetch(u);
   const Reading own(u);
+  layout_.fetch(own);
   for (const BandTile& t : layout_.tiles()) {
     for (int d = 0; d < model_.dof(); ++d) {
       layout_.load(t, own, d, columns_.u(t, d));
@@ -162,7 +159,6 @@ void BandedImex::load(Vec u, const Step& step) const {
     second_difference(t, own, columns_.d2(t));
     if (method_.At[0] == 0) take_first(t, step);
   }
-  layout_.end_fetch();
 }
 
 // D2 psi of u.

@@ -81,14 +81,6 @@ bool is_closed(const Model& model, int stages) {
 
 }  // namespace
 
-void add_to_row(Row& row, const double* weights, int count, int first) {
-  for (int j = 0; j < count; ++j) {
-    if (weights[j] == 0) continue;
-    row.column.push_back(first + j);
-    row.weight.push_back(weights[j]);
-  }
-}
-
 Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
     : model_(model), dof_(model.dof()), half_width_(model.scene().order / 2), first_(model.first()),
       local_(model.local()), n_(model.scene().n), closed_(is_closed(model, stages)),
@@ -109,7 +101,7 @@ Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
   stride_ = ((closed_ ? n_ : std::min(tile_nodes, local_) + 2 * reach) + 2 * pad_ + 7) / 8 * 8;
   work_.assign(stride_ * dof_ * (columns + 2), 0.);
   zeros_.assign(stride_, 0.);
-  if (left_halo_ + right_halo_ > 0) set_up_scatter();
+  if (left_halo_ + right_halo_ > 0) set_up_fetch();
   if (sticking) direction_.assign(left_halo_ + local_ + right_halo_, 0.);
 }
 
@@ -139,29 +131,14 @@ std::vector<double> Tiles::links() const {
 
 void Tiles::set_direction(const std::vector<double>& own) {
   std::copy(own.begin(), own.end(), direction_.begin() + left_halo_);
-  if (!scatter_) return;
-  if (!going_) going_ = model_.create_vector();
-  const Writing a(going_);
-  for (PetscInt i = 0; i < local_; ++i) a[i * dof_] = own[i];
-  fetch(going_);
-  const Reading halo(fetched_);
+  if (!fetch_) return;
+  going_.resize(std::size_t(local_ * dof_));
+  for (PetscInt i = 0; i < local_; ++i) going_[std::size_t(i * dof_)] = own[i];
+  fetch_->take(going_.data());
+  const double* const halo = fetch_->values();
   for (PetscInt i = 0; i < left_halo_; ++i) direction_[i] = halo[i * dof_];
   for (PetscInt i = 0; i < right_halo_; ++i)
     direction_[left_halo_ + local_ + i] = halo[(left_halo_ + i) * dof_];
-}
-
-void Tiles::fetch(Vec from) const {
-  if (local_ == n_) {  // on one rank a scatter would take longer over its types than over the values
-    const Reading u(from);
-    const Writing halo(fetched_);
-    for (PetscInt i = 0; i < left_halo_ + right_halo_; ++i) {
-      const PetscInt node = wrapped(i < left_halo_ ? i - left_halo_ : local_ + i - left_halo_);
-      std::copy(u + node * dof_, u + (node + 1) * dof_, halo + i * dof_);
-    }
-    return;
-  }
-  SS_TRY(VecScatterBegin(scatter_, from, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, from, fetched_, INSERT_VALUES, SCATTER_FORWARD));
 }
 
 std::vector<std::pair<PetscInt, double>> Tiles::beyond(PetscInt node) const {
@@ -171,16 +148,11 @@ std::vector<std::pair<PetscInt, double>> Tiles::beyond(PetscInt node) const {
   return value;
 }
 
-void Tiles::set_up_scatter() {
+void Tiles::set_up_fetch() {
   std::vector<PetscInt> nodes;
   for (PetscInt i = 0; i < left_halo_; ++i) nodes.push_back(wrapped(first_ - left_halo_ + i));
   for (PetscInt i = 0; i < right_halo_; ++i) nodes.push_back(wrapped(first_ + local_ + i));
-  const PetscInt count = nodes.size();
-  const VecHandle pattern = model_.create_vector();
-  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
-  IsHandle from;
-  SS_TRY(ISCreateBlock(model_.comm(), dof_, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
-  SS_TRY(VecScatterCreate(pattern, from, fetched_, nullptr, scatter_.out()));
+  fetch_.emplace(NodeFetch::Layout{model_.comm(), local_, n_, dof_}, dof_, nodes);
 }
 
 // The columns of index `index` at node i.

@@ -12,6 +12,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,7 @@
 #include "model/kernel.hpp"
 #include "model/law_columns.hpp"
 #include "stickslip/base/handle.hpp"
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/time/tolerances.hpp"
@@ -121,8 +123,6 @@ struct Row {
   std::vector<int> column;  // see Tiles::column
   std::vector<double> weight;
 };
-// Weights of the columns first, first + 1, ... , added to `row`.
-void add_to_row(Row& row, const double* weights, int count, int first);
 
 class Tiles {
  public:
@@ -145,8 +145,9 @@ class Tiles {
   // leaves the new values in columns 1, which go to u_new. Then `after` looks at the tile. Collective.
   template <class Through, class After>
   void pass(Vec u, Vec u_new, PetscInt reach, const Through& through, const After& after) const {
-    if (scatter_) fetch(u);
-    const Reading halo(scatter_ ? fetched_.get() : nullptr), a(u);
+    const Reading a(u);
+    if (fetch_) fetch_->take(a);
+    const double* const halo = fetch_ ? fetch_->values() : nullptr;
     const Writing b(u_new);
     for (PetscInt j = 0; j < count(); ++j) {
       const Tile t = tile(j, reach);
@@ -202,8 +203,7 @@ class Tiles {
   PetscInt count() const;
   Tile tile(PetscInt number, PetscInt reach) const;  // of them
   void set_amplitude();
-  void set_up_scatter();
-  void fetch(Vec from) const;
+  void set_up_fetch();
   std::array<double*, 3> columns(const Tile& t, int index, PetscInt i) const;
   void load(const Tile& t, const double* u, const double* halo) const;
 
@@ -218,8 +218,8 @@ class Tiles {
   std::function<void(const kernel::Terms&)> add_;
   StepErrors errors_;
   kernel::Copy to_columns_, from_columns_;
-  ScatterHandle scatter_;
-  VecHandle fetched_, going_;          // going_: the direction in place of psi, to be fetched
+  std::optional<NodeFetch> fetch_;     // of the halo; none where there is none
+  std::vector<double> going_;          // the direction in place of psi, to be fetched
   static constexpr PetscInt pad_ = 8;  // room for the nodes beyond an end
   PetscInt stride_ = 0;
   mutable std::vector<double> work_;

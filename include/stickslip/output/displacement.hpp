@@ -35,8 +35,10 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 
@@ -94,8 +96,8 @@ class Displacement {
   KspHandle ksp_;
   mutable VecHandle w_, load_;
   PetscInt own_ = 0;                // where this rank's nodes begin in its piece
-  VecHandle piece_w_, piece_load_;  // in pieces
-  ScatterHandle fetch_;             // the load of a piece; none where the whole is solved
+  VecHandle piece_w_;               // in pieces
+  std::optional<NodeFetch> fetch_;  // the load of a piece; none where the whole is solved
 };
 
 }  // namespace stickslip

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 
@@ -82,8 +83,7 @@ class Probes {
   std::vector<std::vector<Part>> rows_;
   const Values& values_of(const double* nodes);
   std::vector<PetscInt> nodes_;
-  ScatterHandle scatter_;
-  VecHandle fetched_;
+  std::optional<NodeFetch> fetch_;
   Values values_;
 };
 
