@@ -61,12 +61,14 @@ TEST_CASE("methods by name", "[chart][serial]") {
   const MethodSpec a = MethodSpec::parse("chart_methods", "arkimex:4:friction");
   CHECK(a.name() == "arkimex:4");
   CHECK(a.implicit == "friction");
-  CHECK(a.splits());
-  CHECK_FALSE(MethodSpec::parse("m", "rosw:ra34pw2").splits());
+  CHECK(a.can().splits);
+  CHECK_FALSE(MethodSpec::parse("m", "rosw:ra34pw2").can().splits);
   CHECK(MethodSpec::parse("m", "rk").name() == "rk:5dp");
   CHECK(MethodSpec::parse("m", "cn").name() == "cn");
-  CHECK_FALSE(MethodSpec::parse("m", "cn").has_estimate());
-  CHECK_FALSE(MethodSpec::parse("m", "rk:4").has_estimate());
+  CHECK_FALSE(MethodSpec::parse("m", "cn").can().has_estimate);
+  CHECK_FALSE(MethodSpec::parse("m", "rk:4").can().has_estimate);
+  CHECK(MethodSpec::parse("m", "fusedarkimex:3:friction").name() == "arkimex:3");  // how steps are taken
+  CHECK(&offered_type("fusedrk") == &offered_type("rk"));
   for (const char* bad : {"", "rk:", "rk:5dp:wave", "cn:2", "rosw:rodas3:friction", "rosw:ra34pw2:wave",
                           "rosw:ra34pw2:friction",
                           "arkimex:4:all", "arkimex:bpr3", "irk", "nonsense", "rk:5dp:none:more", "bdf:9"}) {

@@ -19,6 +19,7 @@
 #include "study/step_forecast.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
+#include "time/methods.hpp"
 
 using namespace stickslip;
 
@@ -109,7 +110,7 @@ Errors errors(const Solution& s) {
 
 Settings settings_of(const Method& m) {
   Settings s = {{"ts_type", m.type}};
-  if (*m.subtype) s.push_back({subtype_option(m.type), m.subtype});
+  if (*m.subtype) s.push_back({capabilities(m).subtype_option, m.subtype});
   return s;
 }
 
@@ -138,7 +139,7 @@ Orders measured_orders(const Method& m, const std::string& implicit) {
 }
 
 std::vector<std::string> splits(const Method& m) {
-  const std::vector<std::string> all = splits_of(m);
+  const std::vector<std::string> all = capabilities(m).parts;
   return all.empty() ? std::vector<std::string>{"auto"} : all;
 }
 
@@ -533,4 +534,34 @@ TEST_CASE("the fused steps are a TS type that can be named and seen", "[fused]")
   CHECK(type_of({{"ts_type", "rosw"}}) == "rosw rosw:ra34pw2");
   const Settings rk = {{"ts_type", "rk"}, {"ts_rk_type", "3bs"}}, fused = with(rk, {{"ts_type", "fusedrk"}});
   CHECK(distance(solve(smooth_ring(), rk).end, solve(smooth_ring(), fused).end) == 0);
+}
+
+TEST_CASE("what a method can do follows from its row of the table", "[methods][serial]") {
+  for (const Method& m : methods()) {
+    INFO(m.name());
+    const Capabilities can = capabilities(m);
+    CHECK(can.is_explicit == (m.kind == MethodKind::explicit_));
+    CHECK(can.splits == !can.parts.empty());
+    CHECK(can.subtype_option.empty() == (*m.subtype == '\0'));
+    CHECK((!can.multistep || can.remembers));
+    CHECK((!can.falls_short || can.degree == 0));
+    // each of the parts is a way to name the method, and no other
+    for (const char* part : {"friction", "wave", "both"}) {
+      const std::string text = m.name() + (*m.subtype ? ":" : "::") + part;
+      const bool takes = can.splits ? std::count(can.parts.begin(), can.parts.end(), part) > 0
+                                    : !can.is_explicit && part == std::string("both");
+      if (takes)
+        CHECK_NOTHROW(MethodSpec::parse("m", text));
+      else
+        CHECK_THROWS_AS(MethodSpec::parse("m", text), UsageError);
+    }
+    if (can.fused_type.empty()) continue;
+    CHECK(library_type(can.fused_type) == m.type);
+    const FusedMethod steps(m.type, m.subtype);
+    CHECK(steps.subtype() == m.subtype);
+    CHECK((steps.program().embedded.empty() == (m.adaptivity == Adaptivity::never)));
+    CHECK(steps.program().additive() == can.splits);
+    // a method without a polynomial of its own keeps no slopes for one, or has one that is not good enough
+    if (can.degree == 0) CHECK(steps.slopes() > 0);
+  }
 }

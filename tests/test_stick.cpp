@@ -118,7 +118,7 @@ double cycle_error(const Run& run, double t, const std::function<double(PetscInt
 
 Settings fixed(const Method& m, double dt) {
   Settings s = {{"ts_type", m.type}, {"ts_adapt_type", "none"}, {"ts_dt", number_text(dt)}};
-  if (*m.subtype) s.push_back({subtype_option(m.type), m.subtype});
+  if (*m.subtype) s.push_back({capabilities(m).subtype_option, m.subtype});
   return s;
 }
 

@@ -113,20 +113,20 @@ void AccuracyPlan::refine() {
 void AccuracyPlan::Impl::finish() {
   const Options& asked = request.options;
   chosen = request.has_space ? options_for(asked, setting) : asked;
-  if (!setting.method.splits() || setting.method.implicit != "auto")
+  if (!setting.method.can().splits || setting.method.implicit != "auto")
     chosen = chosen.with("imex_implicit", setting.method.implicit);
   const auto set = [&](const std::string& name, const std::string& value) {
     if (!asked.is_set(name)) chosen = chosen.with(name, value);
   };
   set("ts_type", setting.method.type);
-  if (const std::string sub = subtype_option(setting.method.type); !sub.empty())
+  if (const std::string sub = setting.method.can().subtype_option; !sub.empty())
     set(sub, setting.method.subtype);
   if (const double step = runs.pilot().longest_step(setting); step > 0)
     set("ts_adapt_dt_max", number_text(step));
   set("ts_rtol", number_text(setting.tolerance));
   set("ts_atol", "auto:" + number_text(setting.tolerance));
   what = setting.method.name();
-  if (setting.method.splits()) what += " (implicit: " + setting.method.implicit + ")";
+  if (setting.method.can().splits) what += " (implicit: " + setting.method.implicit + ")";
   what += fmt::format(", tolerance {:.2g}", setting.tolerance);
   if (request.has_space) what += fmt::format(", order {}, n = {}", setting.order, setting.n);
   what += fmt::format("{}, after {} short runs", ladder->predicted(), runs.count());

@@ -22,7 +22,7 @@ namespace {
 
 Table<ChartRow> chart_table() {
   using Row = const ChartRow&;
-  const auto adaptive = [](Row r) { return r.setting.method.has_estimate(); };
+  const auto adaptive = [](Row r) { return r.setting.method.can().has_estimate; };
   return {"rows",
           "",
           "row",
@@ -85,13 +85,13 @@ void write_file(const std::string& path, const Provenance& provenance, const Cha
 void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   const auto words = [](const ChartRow& r) {
     return fmt::format("{}{}, order {}, n = {}, in {:.2g} s", r.method,
-                       r.setting.method.splits() ? " (" + r.implicit + " implicit)" : "", r.setting.order,
+                       r.setting.method.can().splits ? " (" + r.implicit + " implicit)" : "", r.setting.order,
                        r.setting.n, r.seconds);
   };
   const auto quickest = [&](double wanted, bool imex) {
     const ChartRow* best = nullptr;
     for (const ChartRow& r : rows)
-      if (r.error && *r.error <= wanted && (!imex || r.setting.method.splits()) &&
+      if (r.error && *r.error <= wanted && (!imex || r.setting.method.can().splits) &&
           (!best || r.seconds < best->seconds))
         best = &r;
     return best;
@@ -113,7 +113,7 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows) {
 void refuse_what_rows_choose(const Options& options) {
   std::vector<std::string> names = {"ts_type", "ts_rtol", "ts_atol", "ts_dt", "ts_adapt_type"};
   for (const Method& m : methods())
-    if (const std::string name = subtype_option(m.type); !name.empty()) names.push_back(name);
+    if (const std::string name = capabilities(m).subtype_option; !name.empty()) names.push_back(name);
   for (const std::string& name : names)
     if (options.is_set(name))
       throw UsageError("-" + name + " " + quoted(options.text(name)) +
@@ -220,12 +220,12 @@ std::vector<Setting> chart_settings(const Options& options) {
           (void)Scene::from(options_for(options, s), false);
           settings.push_back(s);
         };
-        if (!method.has_estimate() && !steps.empty()) {
+        if (!method.can().has_estimate && !steps.empty()) {
           for (const double step : steps) add(0, step);
           continue;
         }
         for (const double tolerance : tolerances)
-          add(tolerance, method.has_estimate() ? 0 : std::pow(tolerance, 1. / method.order()) / rate);
+          add(tolerance, method.can().has_estimate ? 0 : std::pow(tolerance, 1. / method.order()) / rate);
       }
   return settings;
 }

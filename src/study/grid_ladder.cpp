@@ -165,7 +165,7 @@ double GridLadder::first_cells() const {
   if (type == "pulses" || type == "wave") count = 48 * options.real("init_pulses");
   if (type == "layer") count = 3 * scene.length / options.real("init_width");
   // where friction sets the steps, a step on few nodes costs as much as one on some fifty
-  if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
+  if (runs_.friction_sets_steps() && setting_.method.can().is_explicit) count = std::max(count, 48.);
   if (request_.corner_order <= 2) count = std::max(count, 48.);  // few nodes come near each other by chance
   if (request_.corner_distance > 0) count = std::max(count, 0.8 * scene.length / request_.corner_distance);
   if (runs_.jump()) count = std::max(count, runs_.jump()->least_cells(setting_.order, runs_.pilot().t_end()));
@@ -246,7 +246,7 @@ double GridLadder::tolerance_of_level(double at) const {
 PredictedError GridLadder::outlook() const {
   const double p = order_at_best(), last = cells_of(levels_.back().scene), beyond = next_order();
   // where friction sets the steps, a finer grid costs little, and another run much
-  const double share = runs_.friction_sets_steps() && setting_.method.is_explicit() ? 0.12
+  const double share = runs_.friction_sets_steps() && setting_.method.can().is_explicit ? 0.12
                        : runs_.jump()                                               ? share_beside_jump
                                                                                     : share_of_space;
   PredictedError ahead;
@@ -289,7 +289,7 @@ bool GridLadder::climb_to(double& next, int& failures) {
     add(std::move(made));
     return true;
   }
-  if (request_.method_open && !setting_.method.is_explicit()) {
+  if (request_.method_open && !setting_.method.can().is_explicit) {
     runs_.take_explicit();
     begin_anew();
     failures = 0;
@@ -411,7 +411,7 @@ double GridLadder::tolerance_for(double error, double cells) const {
 // What a tolerance costs, seen on the grid before the last (time_); returns the loosest that is worth it.
 double GridLadder::tolerance_seen() {
   const Level& seen = levels_[levels_.size() - 2];
-  const double most = std::min(loosened * seen.tolerance, setting_.method.is_explicit() ? 3e-4 : 1e-2);
+  const double most = std::min(loosened * seen.tolerance, setting_.method.can().is_explicit ? 3e-4 : 1e-2);
   // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be
   // known of it
   const bool bound = double(levels_.back().steps) < 1.1 * double(seen.steps) &&

@@ -127,9 +127,9 @@ std::optional<double> Jump::height(const Options& options, const Setting& settin
   Setting ahead = setting;
   ahead.n = std::min(setting.n, most_nodes_ahead);
   ahead.method =
-      MethodSpec::parse("accuracy", setting.method.is_explicit() ? "rk:7vr" : setting.method.name());
+      MethodSpec::parse("accuracy", setting.method.can().is_explicit ? "rk:7vr" : setting.method.name());
   ahead.tolerance =
-      std::min(setting.tolerance, setting.method.is_explicit() ? tolerance : 1e-2 * setting.tolerance);
+      std::min(setting.tolerance, setting.method.can().is_explicit ? tolerance : 1e-2 * setting.tolerance);
   const Trial trial = run_trial(options.with(end, "free").with(end + "_value", ""), ahead, "ahead_", HUGE_VAL,
                                 [&](const Model& model, const Scene& whole) {
                                   return std::make_unique<HeightAhead>(model, whole, *this, start_);

@@ -84,10 +84,10 @@ MethodSpec explicit_method() { return MethodSpec::parse("accuracy", "rk:7vr"); }
 
 // The method that the user set. Throws UsageError where it gives no error estimate.
 MethodSpec method_set(const Options& options) {
-  const std::string type = options.text("ts_type"), sub = subtype_option(type);
+  const std::string type = options.text("ts_type"), sub = capabilities(offered_type(type)).subtype_option;
   const std::string text = type + (!sub.empty() && options.is_set(sub) ? ":" + options.text(sub) : "");
   MethodSpec method = MethodSpec::parse("ts_type", text);
-  if (!method.has_estimate())
+  if (!method.can().has_estimate)
     throw UsageError("-ts_type " + text +
                      ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
   if (options.is_set("imex_implicit")) method.implicit = options.text("imex_implicit");
@@ -127,7 +127,8 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
                      " with friction_stick exact in the continuum: eta does not converge at the ends of what "
                      "sticks; set grid and tolerances, or friction_stick regularised");
   for (const Method& m : methods())
-    if (const std::string name = subtype_option(m.type); method_open && !name.empty() && options.is_set(name))
+    if (const std::string name = capabilities(m).subtype_option;
+        method_open && !name.empty() && options.is_set(name))
       throw UsageError(fmt::format("-{} {} with -accuracy: set ts_type as well", name, options.text(name)));
   if (options.is_set("ts_adapt_type"))
     throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") +
@@ -257,7 +258,7 @@ void LevelRuns::choose_method() {
   constexpr double cheap = 2e-3;
   if (!request_.options.is_set("imex_implicit") && explicit_seconds(start.rates, setting_.n) < cheap) return;
   setting_.method = pilot_.automatic(start, share_of_time * request_.wanted);
-  if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
+  if (!setting_.method.can().is_explicit) why_ = "explicit steps would be bound by stability";
 }
 
 // About what a step by a method takes, the solving of its equations included. What decides between
@@ -267,7 +268,7 @@ double LevelRuns::step_seconds(const MethodSpec& method, PetscInt n) const {
   struct Price {
     double step, node;
   };
-  const Price price = method.is_explicit()
+  const Price price = method.can().is_explicit
                           ? Price{1e-6, request_.scene.friction.jumps_at_rest() ? 7e-8 : 1.2e-8}
                       : method.implicit == "friction" ? Price{6e-6, 6e-8}
                                                       : Price{1.2e-5, 1.3e-7};
@@ -283,7 +284,7 @@ double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
 }
 
 bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
-  if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit"))
+  if (!request_.method_open || setting_.method.can().is_explicit || request_.options.is_set("imex_implicit"))
     return false;
   // steps of an implicit run are bound by their error
   const double steps =

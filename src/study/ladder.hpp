@@ -127,7 +127,7 @@ class Ladder {
 
  protected:
   // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
-  bool smooth() const { return setting_.method.is_explicit() && request_.scene.friction.smooth(); }
+  bool smooth() const { return setting_.method.can().is_explicit && request_.scene.friction.smooth(); }
   // The power of the tolerance that they fall with, as a rule.
   double slope_in_time() const { return smooth() ? 1 : 0.75; }
   // Of the run and the last level, whose error is predicted: a single number may come near by chance.

@@ -43,8 +43,9 @@ std::vector<MethodSpec> wanted_methods(const Options& options) {
                                    "alpha"});
   std::vector<MethodSpec> all;
   for (const Method& m : methods()) {
-    if (splits_of(m).empty()) all.push_back(MethodSpec::parse("chart_methods", m.name()));
-    for (const std::string& split : splits_of(m))
+    const std::vector<std::string> splits = capabilities(m).parts;
+    if (splits.empty()) all.push_back(MethodSpec::parse("chart_methods", m.name()));
+    for (const std::string& split : splits)
       all.push_back(MethodSpec::parse("chart_methods", m.name() + (*m.subtype ? ":" : "::") + split));
   }
   return all;
@@ -171,7 +172,7 @@ int chart_limits(const Options& options) {
       for (const MethodSpec& choice : choices) {
         Pulse::stage(fmt::format("row {} of {}{} ({}{})", rows.size() + 1, all,
                                  clock.left(double(rows.size()) / double(all)), choice.name(),
-                                 choice.splits() ? ":" + choice.implicit : ""));
+                                 choice.can().splits ? ":" + choice.implicit : ""));
         keeping_what_is_found([&] { rows.push_back(limits.row(choice)); },
                               [&] { summary.say(fmt::format("{} of {} rows", rows.size(), all)); });
         rows.back().value = scene.value;

@@ -51,7 +51,7 @@ Pilot::Pilot(const Options& options, const Scene& scene)
       reduces_(options.text("scene_reduce") != "off") {}
 
 bool Pilot::suits(const Scene& scene, const MethodSpec& method) {
-  return method.type == "rk" && method.has_estimate() && !Stick::applies_to(scene) && !scene.massless();
+  return method.type == "rk" && method.can().has_estimate && !Stick::applies_to(scene) && !scene.massless();
 }
 
 Model Pilot::model(int order, PetscInt n) const {

@@ -59,9 +59,7 @@ struct Way {
   // Slopes that it keeps of a step for its own polynomial: of every stage, of an implicit-explicit one two.
   int slopes() const {
     if (type != TSRK && type != TSARKIMEX) return 0;
-    const auto method = FusedMethod::of(type);
-    method->set_subtype(subtype.c_str());
-    return method->slopes();
+    return FusedMethod(type, subtype).slopes();
   }
 };
 
@@ -80,13 +78,13 @@ double vectors_of_library(const Way& way) {
 
 // `inside`: are values inside a step asked for?
 double bytes_of_steps(const Unknowns& u, const Way& way, bool inside) {
-  const int degree = DenseOutput::degree_for(way.method());
+  const int degree = capabilities(way.method()).degree;
   double bytes = (degree > 0 ? DenseOutput::bytes_a_node(u.V, degree, inside) : 0) +
                  (way.fixed ? StepAudit::bytes_a_node(u.V) : 0);
   const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
   if (!way.fused) {
     bytes += vectors_of_library(way) * u.V;
-    if (offered_type(way.type).kind == MethodKind::explicit_) return bytes;
+    if (capabilities(way.method()).is_explicit) return bytes;
     return bytes + u.matrix(wave) + u.factors(wave);
   }
   bytes += FusedStepper::bytes_a_node(u.V, inside && degree == 0 ? way.slopes() : 0);
@@ -199,9 +197,8 @@ void refuse_what_does_not_fit(double n, double bytes, const std::string& what, M
 // As Integrator chooses it.
 Way way_of(const Options& options, const Model& model, Vec u) {
   const Choice choice = choose_method(model, rates_of(model, u), MethodSpec::from(options), "");
-  Way way{choice.type, choice.subtype, choice.implicit,
-          choice.fused && !fused_type(choice.type).empty(), false};
-  const std::string option = subtype_option(choice.type);
+  Way way{choice.type, choice.subtype, choice.implicit, choice.fused, false};
+  const std::string option = capabilities(offered_type(choice.type)).subtype_option;
   if (!option.empty() && options.is_set(option)) way.subtype = options.text(option);
   const Method& method = way.method();
   if (!way.subtype.empty() || way.type != TSBDF) way.subtype = method.subtype;

@@ -236,7 +236,7 @@ bool StepAudit::is_near_sliding(const Model& model, Vec u) { return near_sliding
 double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u,
                                        double duration) {
   const double any = std::numeric_limits<double>::infinity();
-  if (!integrator.adaptive() || integrator.method().kind != MethodKind::explicit_ || !near_sliding(model, u))
+  if (!integrator.adaptive() || !capabilities(integrator.method()).is_explicit || !near_sliding(model, u))
     return any;
   StepForecast forecast(model, nullptr, integrator);
   const double growth = std::max(0., forecast.sliding_growth(false));

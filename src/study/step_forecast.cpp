@@ -96,16 +96,12 @@ std::optional<Slopes> slopes_of_sliding(const Model& model) {
 // The method of `like`, without its monitors, viewers and error control.
 void copy_method(const Integrator& like, TS to) {
   const std::string type = like.method().type;
-  const char* subtype = like.method().subtype;
   const TS from = like.ts();
   SS_TRY(TSSetType(to, type.c_str()));
-  if (type == TSRK) SS_TRY(TSRKSetType(to, subtype));
-  if (type == TSARKIMEX) SS_TRY(TSARKIMEXSetType(to, subtype));
-  if (type == TSROSW) SS_TRY(TSRosWSetType(to, subtype));
+  set_subtype(to, type, like.method().subtype);
   if (type == TSSSP) {
     PetscInt stages;
     SS_TRY(TSSSPGetNumStages(from, &stages));
-    SS_TRY(TSSSPSetType(to, subtype));
     SS_TRY(TSSSPSetNumStages(to, stages));
   }
   if (type == TSTHETA) {
@@ -214,14 +210,14 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   copy_method(like, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
   // of zeros: time/petsc_stepper.cpp
-  if (implicit != Implicit::both || like.method().kind == MethodKind::imex)
+  if (implicit != Implicit::both || capabilities(like.method()).splits)
     SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
   TSAdapt adapt;
   SS_TRY(TSGetAdapt(ts_, &adapt));
   SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
   SS_TRY(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_STEPOVER));
   SS_TRY(TSSetMaxTime(ts_, 1e300));
-  if (like.method().kind == MethodKind::explicit_) return;
+  if (capabilities(like.method()).is_explicit) return;
   SS_TRY(TSSetIFunction(ts_, nullptr, IFunction, this));
   SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
   SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
@@ -425,7 +421,7 @@ bool solves_friction(const Integrator& integrator) {
 // equations have several solutions.
 void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt,
                                StepForecast& forecast) {
-  if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
+  if (capabilities(integrator.method()).linearises || !solves_friction(integrator)) return;
   const Scene s = model.scene().averaged();
   if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
   const auto damping = [&s](double slope) { return LinearPoint(s, {0, slope, 0}, {}).damping(); };
@@ -448,8 +444,7 @@ void warn_of_several_solutions(const Model& model, const Integrator& integrator,
 void warn_of_order_reduction(const Model& model, const Integrator& integrator, double dt, Vec u) {
   constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
   const Method& method = integrator.method();
-  const bool keeps = std::string(method.type) == TSBDF || method.name() == "arkimex:l2";
-  if (!solves_friction(integrator) || method.order < 2 || keeps) return;
+  if (!solves_friction(integrator) || method.order < 2 || capabilities(method).keeps_order) return;
   const double rate = model.friction_rate(u);
   if (dt * rate > stiff)
     warn(fmt::format(

@@ -33,13 +33,13 @@ class ToleranceLadder final : public Ladder {
   }
   // Implicit steps err by far more than their tolerance where friction or waves are stiff.
   double first() const {
-    return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest());
+    return std::clamp((setting_.method.can().is_explicit ? 10 : 0.1) * aim_, 1e-12, loosest());
   }
   // Explicit steps meet a threshold now sooner, now later in a step.
-  bool scatters() const { return setting_.method.is_explicit() && !smooth(); }
-  double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
+  bool scatters() const { return setting_.method.can().is_explicit && !smooth(); }
+  double loosest() const { return setting_.method.can().is_explicit ? 1e-2 : 1e-4; }
   // By how much the last level is stricter than the run, at least, so that it errs by little beside it.
-  double lead() const { return scatters() ? 10 : setting_.method.is_explicit() ? 5 : 2.5; }
+  double lead() const { return scatters() ? 10 : setting_.method.can().is_explicit ? 5 : 2.5; }
   bool leads(double wish) const {
     return wish >= lead() * levels_.back().tolerance || levels_.back().tolerance <= 2 * least_tolerance;
   }
@@ -84,7 +84,7 @@ void ToleranceLadder::choose() {
     std::string failed;
     Level made = runs_.run(request_.scene.n, next, failed);
     if (!failed.empty()) {
-      if (!request_.method_open || setting_.method.is_explicit())
+      if (!request_.method_open || setting_.method.can().is_explicit)
         throw OutOfReach{fmt::format("{} at tolerance {:.2g}: {}", setting_.method.name(), next, failed)};
       runs_.take_explicit();
       next = first();
@@ -109,7 +109,8 @@ void ToleranceLadder::choose() {
     add(std::move(made));
     if (levels_.size() == 1)
       next =
-          std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? 1000 : 10), least_tolerance);
+          std::max(levels_.back().tolerance / (setting_.method.can().is_explicit ? 1000 : 10),
+                   least_tolerance);
     else if (place_or_go_on(next))
       return;
   }

@@ -56,8 +56,11 @@ Scene on_grid(Scene scene, PetscInt n, int order) {
 MethodSpec spec_of(const Options& options, const Setting& setting) {
   MethodSpec spec = setting.method;
   // the user's own imex_implicit is for methods that split and say nothing themselves
-  if (spec.splits() && spec.implicit == "auto") spec.implicit = options.text("imex_implicit");
-  (spec.has_estimate() ? spec.tolerance : spec.step) = spec.has_estimate() ? setting.tolerance : setting.step;
+  if (spec.can().splits && spec.implicit == "auto") spec.implicit = options.text("imex_implicit");
+  if (spec.can().has_estimate)
+    spec.tolerance = setting.tolerance;
+  else
+    spec.step = setting.step;
   spec.fused = options.boolean("rk_fused");
   return spec;
 }

@@ -189,7 +189,7 @@ ChartRow WorkPrecision::measure(const Setting& s) {
   row.implicit = s.method.implicit;
   if (looser_took_too_long(s)) {
     row.failed = fmt::format("not run: a looser {} took too long already",
-                             s.method.has_estimate() ? "tolerance" : "step");
+                             s.method.can().has_estimate ? "tolerance" : "step");
     return row;
   }
   const Trial trial = repeated(s, row);
@@ -202,7 +202,7 @@ bool WorkPrecision::looser_took_too_long(const Setting& s) const {
     const Setting& o = other.setting;
     return other.failed.rfind("stopped", 0) == 0 && o.method.name() == s.method.name() &&
            o.method.implicit == s.method.implicit && o.order == s.order && o.n == s.n &&
-           (s.method.has_estimate() ? s.tolerance <= o.tolerance : s.step <= o.step);
+           (s.method.can().has_estimate ? s.tolerance <= o.tolerance : s.step <= o.step);
   });
 }
 

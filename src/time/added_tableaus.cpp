@@ -1,4 +1,4 @@
-#include "time/added_tableaus.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 

@@ -55,48 +55,48 @@ double friction_rate_ahead(const Model& model, Vec u) {
 }
 
 // Without mass eta_t depends on psi alone, and psi on friction: there is nothing to split.
-Implicit massless_implicit(const std::string& type, const std::string& wish, bool stiff) {
+Implicit massless_implicit(const std::string& type, const Capabilities& can, const std::string& wish,
+                           bool stiff) {
   if (wish == "friction" || wish == "wave")
     throw UsageError("imex_implicit " + wish +
                      ": with model_m 0 friction and the springs' forces are one term, through psi; " +
                      "use both or none");
-  if (type == leapfrog_type)
+  if (can.kicks)
     throw UsageError("ts_type " + type +
                      ": it splits friction from the springs' forces, which with model_m 0 are one term, "
                      "through psi; use rk, arkimex, rosw or another one-step method");
-  if (type == TSBDF || type == TSALPHA)
+  if (can.remembers)
     throw UsageError("ts_type " + type +
                      ": it remembers psi of earlier steps, which with model_m 0 is no unknown; use rk, "
                      "arkimex, rosw or another one-step method");
-  const MethodKind kind = offered_type(type).kind;
-  if (kind == MethodKind::explicit_) return Implicit::none;
-  return kind != MethodKind::imex || wish == "both" || (wish == "auto" && stiff) ? Implicit::both
+  if (can.is_explicit) return Implicit::none;
+  return !can.splits || wish == "both" || (wish == "auto" && stiff) ? Implicit::both
                                                                                  : Implicit::none;
 }
 
 // `stiff`: or an implicit method that the user named.
-void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
-  choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
+void fit_massless(Choice& choice, const Capabilities& can, const MethodSpec& spec, bool stiff) {
+  choice.implicit = massless_implicit(choice.type, can, spec.implicit, stiff);
   if (choice.named_fused)
     throw usage_error("ts_type {}: it does not support model_m 0; use ts_type {}",
-                      fused_type(choice.type), choice.type);
+                      can.fused_type, choice.type);
   choice.fused = false;
 }
 
 // A Rosenbrock step is made for equations that do not depend on time: without the rate of change of what
 // does, which the library does not ask for, its order falls.
-void refuse_rosenbrock(const Choice& choice, const char* what) {
-  if (choice.type == TSROSW) throw usage_error("ts_type rosw: it does not follow {}; use arkimex", what);
+void refuse_rosenbrock(const Choice& choice, const Capabilities& can, const char* what) {
+  if (can.linearises) throw usage_error("ts_type {}: it does not follow {}; use arkimex", choice.type, what);
 }
 
 // Friction changes with time between the stages of a step too, which the library's own steps of most methods
 // follow.
-void fit_normal_load(Choice& choice, const std::string& name) {
+void fit_normal_load(Choice& choice, const Capabilities& can, const std::string& name) {
   constexpr const char* what =
       "a normal load that varies within a step (load_normal, load_normal_sine_amplitude)";
-  refuse_rosenbrock(choice, what);
-  if (choice.type == leapfrog_type)
-    throw usage_error("ts_type leapfrog: it does not follow {}; use rk or arkimex", what);
+  refuse_rosenbrock(choice, can, what);
+  if (can.kicks)
+    throw usage_error("ts_type {}: it does not follow {}; use rk or arkimex", choice.type, what);
   if (choice.named_fused)
     throw usage_error("ts_type {}: it does not know load_normal; use ts_type {}", name, choice.type);
   choice.fused = false;
@@ -109,35 +109,32 @@ Rates massless_rates(const Model& model, Vec u) {
   return {relaxation, model.friction_rate(u), false, s.K0() > 0 && own < relaxation / 2400, own};
 }
 
-Implicit implicit_of(const Method& method, const std::string& wish, Implicit stiff, const Rates& rates,
-                     bool sticks) {
-  const std::string type = method.type;
+Implicit implicit_of(const std::string& type, const Capabilities& can, const std::string& wish,
+                     Implicit stiff, const Rates& rates, bool sticks) {
   const bool wants_imex = wish != "auto" && wish != "none";
-  switch (method.kind) {
-    case MethodKind::explicit_:
-      if (wants_imex)
-        throw UsageError("imex_implicit " + wish + ": ts_type " + type +
-                         " is explicit; use ts_type arkimex, or imex_implicit none");
-      return Implicit::none;
-    case MethodKind::imex:
-      if (type == leapfrog_type) {
-        if (wants_imex && wish != "friction")
-          throw UsageError("imex_implicit " + wish +
-                           ": ts_type leapfrog takes friction implicitly and waves by kicks; " +
-                           "use friction, or ts_type arkimex");
-        return Implicit::friction;
-      }
-      if (wish == "none") return Implicit::none;
-      if (wants_imex)
-        return wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
-      if (stiff != Implicit::none) return stiff;
-      return sticks || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
-    default:
-      if (wish == "auto" || wish == "both") return Implicit::both;
-      throw usage_error(
-          "imex_implicit {}: ts_type {} does not split; use ts_type arkimex, or imex_implicit both", wish,
-          type);
+  if (can.is_explicit) {
+    if (wants_imex)
+      throw UsageError("imex_implicit " + wish + ": ts_type " + type +
+                       " is explicit; use ts_type arkimex, or imex_implicit none");
+    return Implicit::none;
   }
+  if (can.kicks) {
+    if (wants_imex && wish != "friction")
+      throw UsageError("imex_implicit " + wish + ": ts_type " + type +
+                       " takes friction implicitly and waves by kicks; use friction, or ts_type arkimex");
+    return Implicit::friction;
+  }
+  if (!can.splits) {
+    if (wish == "auto" || wish == "both") return Implicit::both;
+    throw usage_error(
+        "imex_implicit {}: ts_type {} does not split; use ts_type arkimex, or imex_implicit both", wish,
+        type);
+  }
+  if (wish == "none") return Implicit::none;
+  if (wants_imex)
+    return wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
+  if (stiff != Implicit::none) return stiff;
+  return sticks || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
 }
 
 // Of the explicit pairs 7vr costs least at every error from 1e-2 down on all charts, up to 1.7 times less
@@ -165,10 +162,11 @@ bool tunes_solvers(const std::string& prefix) {
 
 // What has steps of its own: rk, arkimex whatever is implicit, and leapfrog, which is nothing else. The bands
 // of what couples nodes are alike along x: where a `medium` differs, the library's own steps take these.
-bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix, bool medium) {
-  if (type == TSRK || type == leapfrog_type) return true;
-  if (medium && (type != TSARKIMEX || implicit != Implicit::friction)) return false;
-  return type == TSARKIMEX && implicit != Implicit::none && !tunes_solvers(prefix);
+bool can_be_fused(const Capabilities& can, Implicit implicit, const std::string& prefix, bool medium) {
+  if (can.fused_type.empty()) return false;
+  if (can.is_explicit || can.kicks) return true;
+  if (medium && implicit != Implicit::friction) return false;
+  return implicit != Implicit::none && !tunes_solvers(prefix);
 }
 
 constexpr double usual_tolerance = 1e-6;
@@ -300,28 +298,29 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
   const bool friction = choice.named_fused && spec.implicit == "auto" && choice.type == TSARKIMEX;
-  choice.implicit = implicit_of(offered_type(choice.type), friction ? "friction" : spec.implicit, stiff,
-                                rates, sticks);
-  if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
+  const Capabilities can = capabilities(offered_type(choice.type));
+  choice.implicit = implicit_of(choice.type, can, friction ? "friction" : spec.implicit, stiff, rates,
+                                sticks);
+  if (model.scene().massless()) fit_massless(choice, can, spec, set || stiff != Implicit::none);
   if (model.scene().load.varies())
-    refuse_rosenbrock(choice, "a load that varies (load_v, load_sine_amplitude, ...)");
-  if (model.scene().normal.varies()) fit_normal_load(choice, set ? name : "");
+    refuse_rosenbrock(choice, can, "a load that varies (load_v, load_sine_amplitude, ...)");
+  if (model.scene().normal.varies()) fit_normal_load(choice, can, set ? name : "");
   if (choice.fused)
-    choice.fused = can_be_fused(choice.type, choice.implicit, prefix, model.scene().medium.varies());
+    choice.fused = can_be_fused(can, choice.implicit, prefix, model.scene().medium.varies());
   if (choice.named_fused && !choice.fused)
     throw usage_error(
         "ts_type {}: it solves what is implicit by a solver of its own; use ts_type {}, or imex_implicit "
         "friction{} without options of snes, ksp and pc",
         name, choice.type, choice.type == TSARKIMEX ? ", wave or both" : "");
-  if (choice.type == leapfrog_type && model.viscous())
+  if (can.kicks && model.viscous())
     throw UsageError(
-        "ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
-        ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
+        "ts_type " + choice.type + ": viscosity between neighbours (model_nu " +
+        number_text(model.scene().nu) + ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
   if (sticks && choice.implicit == Implicit::wave)
     throw UsageError(
         "imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
         "which this split takes apart; use friction or both, or ts_type rk");
-  if (sticks && (choice.type == TSBDF || choice.type == TSALPHA))
+  if (sticks && can.remembers)
     throw usage_error(
         "ts_type {}: it remembers earlier steps and would have to forget them wherever a node starts or "
         "stops (friction_stick exact); use rk, arkimex or another one-step method",

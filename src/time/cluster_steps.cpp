@@ -23,14 +23,12 @@ ClusterSteps::ClusterSteps(const Model& model, const Tolerances& tolerances)
     : model_(model), scene_(model.scene()), events_(model), dof_(model.dof()), reach_(scene_.order / 2),
       loaded_(scene_.load.varies() && !halts(scene_)),
       tolerances_(tolerances), unseen_(unseen_slip(model.wave_frequency())), N_(scene_.N()),
-      K1_(scene_.mean_K1()), method_(FusedMethod::of(TSRK)),
+      K1_(scene_.mean_K1()), method_(TSRK, TSRK5DP), tableau_(method_.program()),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
       links_(links_along(scene_, 0, scene_.n)), stencil_(stencil_loop(scene_, links_)),
       pointwise_(loop_for<PointwiseLoop>(scene_.friction, true, friction_places(scene_, 0, scene_.n))),
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   if (halts(scene_)) coefficients_.v = 0;  // as long as there is a cluster
-  method_->set_subtype(TSRK5DP);
-  tableau_ = tableau_of(method_->library());
   for (int j = 0; j < tableau_.stages; ++j) {
     error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
     const double* const row = &tableau_.A[j * tableau_.stages];
@@ -231,7 +229,7 @@ void ClusterSteps::accept(Cluster& c) const {
 }
 
 void ClusterSteps::interpolate(const Cluster& c, double part, double* into) const {
-  const std::vector<double> weights = method_->weights_at(part, c.dt);
+  const std::vector<double> weights = method_.weights_at(part, c.dt);
   sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into, {0, c.count});
 }
 
@@ -244,7 +242,7 @@ void ClusterSteps::at(const Cluster& c, double t, double* into) const {
 void ClusterSteps::node_at(const Cluster& c, PetscInt k, double t, double* u) const {
   const bool is_inside = t > c.t0 && t < c.t1;
   std::vector<double> weights;
-  if (is_inside) weights = method_->weights_at((t - c.t0) / c.dt, c.dt);
+  if (is_inside) weights = method_.weights_at((t - c.t0) / c.dt, c.dt);
   for (int d = 0; d < dof_; ++d) {
     u[d] = c.column(t > c.t0 && !is_inside ? Cluster::next : Cluster::now, d)[k];
     for (std::size_t j = 0; j < weights.size(); ++j)
@@ -280,7 +278,7 @@ Furthest ClusterSteps::furthest(Cluster& c, const StepOfNodes& step, double part
   if (dof_ == 2 && N_ == 0) {  // of the candidates alone
     Furthest most;
     std::vector<double> weights;
-    if (!at_end) weights = method_->weights_at(part, step.dt);
+    if (!at_end) weights = method_.weights_at(part, step.dt);
     for (const Candidate& one : candidates_.list) {
       const std::size_t k = std::size_t(one.node) + c.place(one.rests ? 1 : 0);
       double value = c.block(at_end ? Cluster::next : Cluster::now)[k];

@@ -242,8 +242,8 @@ class ClusterSteps {
   bool loaded_;
   Tolerances tolerances_;
   double unseen_, N_, K1_;
-  std::unique_ptr<FusedMethod> method_;
-  StageProgram tableau_;
+  FusedMethod method_;
+  const StageProgram& tableau_;
   std::vector<double> error_weights_;  // of its slopes, times the length of a step
   std::vector<double> stage_times_;    // in parts of a step
   kernel::Coefficients coefficients_;

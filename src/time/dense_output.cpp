@@ -32,13 +32,6 @@ VecHandle& at(std::vector<VecHandle>& list, int i) { return list[i]; }
 
 }  // namespace
 
-int DenseOutput::degree_for(const Method& method) {
-  const std::string name = method.name();
-  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method.type == std::string(TSBDF))
-    return 0;
-  return method.kind == MethodKind::explicit_ ? std::max(3, method.order - 1) : 3;
-}
-
 void DenseOutput::interpolate(Vec before, Vec after, double t, double dt, double s, Vec into) {
   refine(before, after, t, dt);
   polynomial(before, after, dt, s, into);
@@ -95,9 +88,9 @@ void ShorterStep::set_up(FusedStepper* fused, const Method& method, Implicit imp
   fused_ = fused;
   implicit_ = implicit;
   adaptive_ = adaptive;
-  always_ = method.name() == "arkimex:5";
-  asks_ = always_ || (implicit != Implicit::none && method.type != std::string(TSBDF) &&
-                      method.type != std::string(TSALPHA));
+  const Capabilities can = capabilities(method);
+  always_ = can.falls_short;
+  asks_ = always_ || (implicit != Implicit::none && !can.remembers);
   spec_.type = method.type;
   spec_.subtype = method.subtype;
   spec_.implicit = to_string(implicit);

@@ -160,10 +160,10 @@ void StepControl::monitor(const Tried& tried, const Choice& choice) const {
   SS_TRY(PetscPrintf(comm, "\n"));
 }
 
-FusedStepper::FusedStepper(const Model& model, TS ts, std::unique_ptr<FusedMethod> method, Implicit implicit,
-                           bool sticking, Loop loop)
-    : model_(model), ts_(ts), method_(std::move(method)), implicit_(implicit), loop_(std::move(loop)),
-      taker_(method_->make(model, implicit, sticking)), before_(model.create_vector()) {}
+FusedStepper::FusedStepper(const Model& model, TS ts, const std::string& type, const std::string& subtype,
+                           Implicit implicit, bool sticking, Loop loop)
+    : model_(model), ts_(ts), type_(type), method_(type, subtype), implicit_(implicit),
+      loop_(std::move(loop)), taker_(method_.make(model, implicit, sticking)), before_(model.create_vector()) {}
 
 void FusedStepper::set_up(const Method&, bool adaptive, PetscInt most_rejections) {
   adaptive_ = adaptive;
@@ -171,7 +171,7 @@ void FusedStepper::set_up(const Method&, bool adaptive, PetscInt most_rejections
 }
 
 void FusedStepper::make_slopes() {
-  const std::size_t count = method_->slopes();
+  const std::size_t count = method_.slopes();
   while (slopes_.size() < count) slopes_.push_back(model_.create_vector());
 }
 
@@ -179,7 +179,6 @@ Stepper::Outcome FusedStepper::step(Vec u, const Asked& asked) {
   static const std::vector<VecHandle> none;
   static const LogEvent event("TSStep");
   const LogEvent::Scope counted(event);
-  const bool is_rk = method_->type() == std::string(TSRK);
   norm_ = {tolerances_, control_->norm()};
   t_ = asked.t;
   dt_ = asked.h;
@@ -203,8 +202,8 @@ Stepper::Outcome FusedStepper::step(Vec u, const Asked& asked) {
       // (docs/methods.md). Explicit steps, which stability bounds, are the library's own.
       const bool again = rejections > 0;
       const StepControl::Choice choice = control_->choose(
-          {method_->type(), method_->subtype(), method_->order(), t_, dt_, asked.t_end, asked.index,
-           outcome_.error, again, again && !is_rk, asked.restarts});
+          {type_.c_str(), subtype().c_str(), method_.program().order, t_, dt_, asked.t_end, asked.index,
+           outcome_.error, again, again && method_.program().additive(), asked.restarts});
       next = choice.h;
       if (choice.accepted) return {Outcome::taken, t_ + dt_, next, rejections, outcome_.finite};
     }
@@ -223,7 +222,7 @@ void FusedStepper::interpolate(double, double part, Vec into) {
     taker_->take(before_, dt_, norm_, false, into, slopes_, nullptr, t_);
     slopes_kept_ = true;
   }
-  const std::vector<double> weights = method_->weights_at(part, dt_);
+  const std::vector<double> weights = method_.weights_at(part, dt_);
   const std::vector<Vec> terms(slopes_.begin(), slopes_.end());
   SS_TRY(VecCopy(before_, into));
   SS_TRY(VecMAXPY(into, terms.size(), weights.data(), const_cast<Vec*>(terms.data())));
@@ -248,10 +247,10 @@ void FusedStepper::view(PetscViewer viewer, std::int64_t rejections) const {
   SS_TRY(TSGetMaxSteps(ts_, &most_steps));
   SS_TRY(TSGetMaxTime(ts_, &end));
   const bool in_band = implicit_ == Implicit::wave || implicit_ == Implicit::both;
-  const std::string tableau = *subtype() ? std::string(" type ") + subtype() : "";
+  const std::string tableau = subtype().empty() ? "" : " type " + subtype();
   const int ranks = ranks_in(model_.comm());
   SS_TRY(PetscViewerASCIIPrintf(viewer, "TS Object: %d MPI process%s\n  type: %s\n    %s%s, %s\n", ranks,
-                                ranks > 1 ? "es" : "", type, method_->type(), tableau.c_str(),
+                                ranks > 1 ? "es" : "", type, type_.c_str(), tableau.c_str(),
                                 in_band ? "for each stage one banded system in psi, in pieces"
                                         : "all stages of a step tile by tile"));
   SS_TRY(PetscViewerASCIIPrintf(viewer,

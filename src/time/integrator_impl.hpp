@@ -81,10 +81,9 @@ struct Drive {
 // for it.
 class DenseOutput {
  public:
+  // `degree`: as Capabilities has it.
   DenseOutput(const Model& model, int degree)
       : model_(model), degree_(degree), work_(model.create_vector()) {}
-  // The degree that a method needs here; 0: it has a polynomial of its own.
-  static int degree_for(const Method& method);
   // Memory of a node whose unknowns take `unknowns` bytes: slopes only once values are asked for.
   static double bytes_a_node(double unknowns, int degree, bool asked) {
     return (1 + (asked ? 2 * degree : 0)) * unknowns;
@@ -182,6 +181,7 @@ struct Integrator::Impl {
   DmHandle dm;
   TsHandle ts;  // options; PETSc's own steps
   const Method* method = nullptr;
+  Capabilities can;  // of it
   Implicit implicit = Implicit::none;
   Tolerances tolerances;
   bool adaptive = false;
@@ -203,9 +203,7 @@ struct Integrator::Impl {
   // ---- set-up (set_up.cpp) ----
   void set_up(const MethodSpec& spec, Vec u);
   void create_ts(Vec u);
-  void set_subtype(const std::string& type, const std::string& name) const;
   std::string given_subtype(const std::string& type) const;
-  std::string subtype_now(const std::string& type) const;
   Tolerances tolerances_of(const MethodSpec& spec) const;
   void set_tolerances(const Tolerances& given);
   void set_step_control(const MethodSpec& spec, const Rates& rates) const;

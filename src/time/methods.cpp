@@ -12,7 +12,6 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/time/register_method.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/added_tableaus.hpp"
 #include "time/banded_imex.hpp"
 #include "time/methods.hpp"
 
@@ -129,14 +128,83 @@ const std::vector<Method>& methods() {
   return table;
 }
 
-std::string subtype_option(const std::string& type) {
-  static const std::map<std::string, std::string> names = {{"rk", "ts_rk_type"},
-                                                           {"ssp", "ts_ssp_type"},
-                                                           {"rosw", "ts_rosw_type"},
-                                                           {"arkimex", "ts_arkimex_type"},
-                                                           {"bdf", "ts_bdf_order"}};
-  const auto found = names.find(type);
-  return found == names.end() ? "" : found->second;
+namespace {
+
+// Types that have tableaus or orders to choose from: the option, and how a TS is told and tells.
+struct Subtypes {
+  const char *type, *option;
+  PetscErrorCode (*set)(TS, const char*);
+  PetscErrorCode (*get)(TS, const char**);
+};
+constexpr Subtypes subtypes[] = {
+    {TSRK, "ts_rk_type", TSRKSetType, TSRKGetType},
+    {TSARKIMEX, "ts_arkimex_type", TSARKIMEXSetType, TSARKIMEXGetType},
+    {TSROSW, "ts_rosw_type", TSRosWSetType, TSRosWGetType},
+    {TSSSP, "ts_ssp_type", TSSSPSetType, TSSSPGetType},
+    {TSBDF, "ts_bdf_order", [](TS ts, const char* order) { return TSBDFSetOrder(ts, std::stoi(order)); },
+     [](TS ts, const char** order) {
+       static constexpr const char* orders[] = {"0", "1", "2", "3", "4", "5", "6"};
+       PetscInt number;
+       const PetscErrorCode failed = TSBDFGetOrder(ts, &number);
+       if (!failed) *order = orders[number];
+       return failed;
+     }}};
+
+// Types that take steps tile by tile, and of which type of the library; leapfrog is none of its.
+constexpr struct {
+  const char *fused, *library;
+} type_names[] = {{"fusedrk", TSRK}, {"fusedarkimex", TSARKIMEX}, {leapfrog_type, leapfrog_type}};
+
+std::string fused_type(const std::string& type) {
+  for (const auto& names : type_names)
+    if (type == names.library) return names.fused;
+  return "";
+}
+
+const Subtypes* subtypes_of(const std::string& type) {
+  for (const Subtypes& one : subtypes)
+    if (type == one.type) return &one;
+  return nullptr;
+}
+
+}  // namespace
+
+std::string library_type(const std::string& fused) {
+  for (const auto& names : type_names)
+    if (fused == names.fused) return names.library;
+  return "";
+}
+
+void set_subtype(TS ts, const std::string& type, const std::string& name) {
+  const Subtypes* const of = subtypes_of(type);
+  if (of && !name.empty()) SS_TRY(of->set(ts, name.c_str()));
+}
+
+std::string subtype_of(TS ts, const std::string& type) {
+  const char* name = nullptr;
+  if (const Subtypes* const of = subtypes_of(type)) SS_TRY(of->get(ts, &name));
+  return name ? name : "";
+}
+
+Capabilities capabilities(const Method& method) {
+  const std::string type = method.type, name = method.name();
+  Capabilities can;
+  can.is_explicit = method.kind == explicit_;
+  can.has_estimate = method.adaptivity == yes;
+  can.splits = method.kind == imex;
+  can.multistep = type == TSBDF;
+  can.remembers = can.multistep || type == TSALPHA;
+  can.linearises = type == TSROSW;
+  can.kicks = type == leapfrog_type;
+  can.keeps_order = can.multistep || name == "arkimex:l2";
+  if (can.splits) can.parts = {"friction", "wave", "both"};
+  if (can.kicks) can.parts = {"friction"};
+  can.falls_short = name == "arkimex:5";
+  if (!can.multistep && !can.falls_short && name != "rk:5dp" && name != "arkimex:4")
+    can.degree = can.is_explicit ? std::max(3, method.order - 1) : 3;
+  if (const Subtypes* const of = subtypes_of(type)) can.subtype_option = of->option;
+  can.fused_type = fused_type(type);
+  return can;
 }
 
 void check_type_offered(const std::string& type) {
@@ -168,14 +236,17 @@ void check_type_offered(const std::string& type) {
 const Method& offered_type(const std::string& type) {
   check_type_offered(type);
   const auto& all = methods();
-  return *std::find_if(all.begin(), all.end(), [&](const Method& m) { return type == m.type; });
+  const std::string library = library_type(type);
+  return *std::find_if(all.begin(), all.end(), [&](const Method& m) {
+    return type == m.type || (!library.empty() && library == m.type);
+  });
 }
 
 const Method& offered_method(const std::string& type, const std::string& subtype) {
   check_type_offered(type);
   for (const Method& m : methods())
     if (type == m.type && subtype == m.subtype) return m;
-  const std::string what = subtype_option(type) + " " + subtype + ": ";
+  const std::string what = capabilities(offered_type(type)).subtype_option + " " + subtype + ": ";
   if (type == "arkimex" && subtype == "bpr3")
     throw UsageError(what + "its order falls to 1 when the right-hand side is split; use arkimex 3");
   if (type == "rosw" && (subtype == "ark3" || subtype == "lassp3p4s2c" || subtype == "llssp3p4s2c"))
@@ -195,18 +266,6 @@ MethodSpec MethodSpec::from(const Options& options) {
   return spec;
 }
 
-bool MethodSpec::has_estimate() const { return method().adaptivity == Adaptivity::yes; }
-bool MethodSpec::splits() const {
-  return method().kind == MethodKind::imex;
-}
-std::vector<std::string> splits_of(const Method& method) {
-  if (method.kind != MethodKind::imex) return {};
-  if (method.type == std::string(leapfrog_type)) return {"friction"};
-  return {"friction", "wave", "both"};
-}
-
-bool MethodSpec::is_explicit() const { return method().kind == MethodKind::explicit_; }
-
 MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
   const std::vector<std::string> parts = split(text, ':');
   const std::string says = what + " " + quoted(text) + ": ";
@@ -214,6 +273,7 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
     throw UsageError(says + "a method is type[:subtype[:implicit]], e.g. rk:5dp or arkimex:4:friction");
   MethodSpec spec;
   spec.type = parts[0];
+  if (const std::string library = library_type(spec.type); !library.empty()) spec.type = library;
   // the first of its type where no subtype is given
   const Method* first = nullptr;
   std::string subtypes, types;
@@ -242,13 +302,13 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
   const bool known =
       wish == "auto" || wish == "none" || wish == "friction" || wish == "wave" || wish == "both";
   if (!known) throw UsageError(says + "what is implicit is one of auto, none, friction, wave, both");
-  if (spec.is_explicit() && wish != "none" && wish != "auto")
+  const Capabilities can = spec.can();
+  if (can.is_explicit && wish != "none" && wish != "auto")
     throw UsageError(says + spec.type + " is explicit; use arkimex, or none");
-  const std::vector<std::string> splits = splits_of(spec.method());
-  if (splits.size() == 1 && wish != "auto" && wish != splits[0])
+  if (can.parts.size() == 1 && wish != "auto" && wish != can.parts[0])
     throw usage_error("{}{} takes {} implicitly and nothing else; use arkimex, or {}", says, spec.type,
-                      splits[0], splits[0]);
-  if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
+                      can.parts[0], can.parts[0]);
+  if (!can.is_explicit && !can.splits && wish != "both" && wish != "auto")
     throw usage_error("{}{} takes everything implicitly; use arkimex, or both", says, spec.type);
   return spec;
 }
@@ -265,6 +325,8 @@ void register_time_steppers() {
   for (const RegisteredMethod& own : registry().methods) SS_TRY(TSRegister(own.method.type, own.create));
 }
 
+// ---- steps taken tile by tile ----
+
 namespace {
 
 // What TSRKGetTableau gives.
@@ -277,33 +339,52 @@ struct RkParts {
   }
 };
 
-class FusedRk : public FusedMethod {
- public:
-  FusedRk() {
-    SS_TRY(TSCreate(PETSC_COMM_SELF, library_.out()));
-    SS_TRY(TSSetType(library_, TSRK));
+}  // namespace
+
+StageProgram tableau_of(TS rk) {
+  const RkParts t(rk);
+  StageProgram tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
+  if (t.embedded) tableau.embedded.assign(t.embedded, t.embedded + t.stages);
+  return tableau;
+}
+
+FusedMethod::FusedMethod(const std::string& type, const std::string& subtype) : subtype_(subtype) {
+  if (type == TSRK) {
+    SS_TRY(TSCreate(PETSC_COMM_SELF, rk_.out()));
+    SS_TRY(TSSetType(rk_, TSRK));
+    stickslip::set_subtype(rk_, type, subtype);
+    subtype_ = subtype_of(rk_, type);
+    program_ = tableau_of(rk_);
+    program_.order = offered_method(type, subtype_).order;
+  } else if (type == TSARKIMEX) {
+    if (subtype.empty()) subtype_ = TSARKIMEX3;  // as the library's default
+    imex_ = std::make_unique<ImexMethod>(subtype_);
+    program_ = imex_->tableau();
+  } else if (type == leapfrog_type) {
+    program_ = leapfrog();
+  } else {
+    throw std::logic_error("no fused steps for ts_type " + type);
   }
-  const char* type() const override { return TSRK; }
-  const char* subtype() const override {
-    const char* name;
-    SS_TRY(TSRKGetType(library_, &name));
-    return name;
-  }
-  void set_subtype(const char* name) override {
-    SS_TRY(TSRKSetType(library_, name));
-    order_ = 0;
-  }
-  std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
-    return std::make_unique<TiledStep>(model, tableau_of(library_), sticking);
-  }
-  int order() const override {
-    if (order_ == 0) order_ = offered_method(TSRK, subtype()).order;  // looked up once, not in every step
-    return order_;
-  }
-  int slopes() const override { return int(RkParts(library_).stages); }
-  std::vector<double> weights_at(double s, double dt) const override {
-    const RkParts t(library_);
-    std::vector<double> weights(t.stages);
+}
+
+std::unique_ptr<StepTaker> FusedMethod::make(const Model& model, Implicit implicit, bool sticking) const {
+  if (imex_ && (implicit == Implicit::wave || implicit == Implicit::both))
+    return std::make_unique<BandedImex>(model, program_, implicit, sticking);
+  return std::make_unique<TiledStep>(model, program_, sticking);
+}
+
+int FusedMethod::slopes() const {
+  return !program_.dense ? 0 : program_.additive() ? 2 * program_.stages : program_.stages;
+}
+
+std::vector<double> FusedMethod::weights_at(double s, double dt) const {
+  std::vector<double> weights;
+  if (imex_) {
+    weights = imex_->weights_at(s);
+    for (double& w : weights) w *= dt;
+  } else {
+    const RkParts t(rk_);
+    weights.resize(std::size_t(t.stages));
     for (PetscInt i = 0; i < t.stages; ++i) {
       double power = dt;
       for (PetscInt j = 0; j < t.degree; ++j) {
@@ -311,70 +392,11 @@ class FusedRk : public FusedMethod {
         weights[i] += power * t.interpolating[i * t.degree + j];
       }
     }
-    return weights;
   }
-  TS library() const override { return library_; }
-
- private:
-  TsHandle library_;
-  mutable int order_ = 0;  // 0: not looked up yet
-};
-
-class FusedArkimex : public FusedMethod {
- public:
-  const char* type() const override { return TSARKIMEX; }
-  const char* subtype() const override { return name_.c_str(); }
-  void set_subtype(const char* name) override {
-    name_ = name;
-    method_.reset();
-  }
-  std::unique_ptr<StepTaker> make(const Model& model, Implicit part, bool sticking) const override {
-    if (part == Implicit::wave || part == Implicit::both)
-      return std::make_unique<BandedImex>(model, method().tableau(), part, sticking);
-    return std::make_unique<TiledStep>(model, method().tableau(), sticking);
-  }
-  int order() const override { return method().tableau().order; }
-  int slopes() const override { return 2 * method().tableau().stages; }
-  std::vector<double> weights_at(double s, double dt) const override {
-    std::vector<double> weights = method().weights_at(s);
-    for (double& w : weights) w *= dt;
-    return weights;
-  }
-
- private:
-  const ImexMethod& method() const {
-    if (!method_) method_ = std::make_unique<ImexMethod>(name_);
-    return *method_;
-  }
-  std::string name_ = TSARKIMEX3;  // as the library's default
-  mutable std::unique_ptr<ImexMethod> method_;
-};
-
-class FusedLeapfrog : public FusedMethod {
- public:
-  const char* type() const override { return leapfrog_type; }
-  const char* subtype() const override { return ""; }
-  void set_subtype(const char*) override {}
-  std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
-    return std::make_unique<TiledStep>(model, leapfrog(), sticking);
-  }
-  int order() const override { return leapfrog().order; }
-};
-
-}  // namespace
-
-std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
-  if (type == TSRK) return std::make_unique<FusedRk>();
-  if (type == TSARKIMEX) return std::make_unique<FusedArkimex>();
-  if (type == leapfrog_type) return std::make_unique<FusedLeapfrog>();
-  throw std::logic_error("no fused steps for ts_type " + type);
+  return weights;
 }
 
 namespace {
-
-constexpr struct {
-  const char *fused, *library;
-} type_names[] = {{"fusedrk", TSRK}, {"fusedarkimex", TSARKIMEX}, {leapfrog_type, leapfrog_type}};
 
 // A TS that holds options and a name.
 PetscErrorCode create_holder(TS ts, const char* name) {
@@ -395,29 +417,10 @@ PetscErrorCode create(TS ts) {
 
 }  // namespace
 
-std::string fused_type(const std::string& type) {
-  for (const auto& names : type_names)
-    if (type == names.library) return names.fused;
-  return "";
-}
-
-std::string library_type(const std::string& fused) {
-  for (const auto& names : type_names)
-    if (fused == names.fused) return names.library;
-  return "";
-}
-
 void register_fused_types() {
   SS_TRY(TSRegister(type_names[0].fused, create<0>));
   SS_TRY(TSRegister(type_names[1].fused, create<1>));
   SS_TRY(TSRegister(type_names[2].fused, create<2>));
-}
-
-StageProgram tableau_of(TS rk) {
-  const RkParts t(rk);
-  StageProgram tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
-  if (t.embedded) tableau.embedded.assign(t.embedded, t.embedded + t.stages);
-  return tableau;
 }
 
 const StageProgram& leapfrog() {

@@ -1,12 +1,15 @@
 // Methods behind their names: which one advances a scene, and those whose stages are taken tile by tile.
 #pragma once
 
+#include <petscts.h>
+
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "numerics/imex_tableau.hpp"
 #include "numerics/stage_program.hpp"
+#include "stickslip/base/handle.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/fused_step.hpp"
 
@@ -15,7 +18,7 @@ namespace stickslip {
 // Which method advances a scene, and what it takes implicitly: the rule behind `auto`, and what the user
 // asked for.
 
-// Names are those of PETSc: -ts_type and the value of subtype_option(type).
+// Names are those of PETSc: -ts_type and the value of Capabilities::subtype_option.
 struct Choice {
   std::string type;
   std::string subtype;  // "": PETSc's default, or there is none
@@ -41,43 +44,56 @@ double turns_in_recovery(const Model& model);
 // Whether PETSc's database holds the option (without the dash) behind the prefix.
 bool user_set(const std::string& prefix, const std::string& option);
 
-// Methods whose stages are taken tile by tile (stepper.hpp): what they take from the library's own types,
-// subtypes, tableaus, values between steps; and leapfrog, which the library does not have. `-ts_type` names
-// them too:
+// Has PETSc's `ts` of this type take the tableau, or the order, of this name ("": its default); and which one
+// it takes, "" where there is nothing to choose.
+void set_subtype(TS ts, const std::string& type, const std::string& name);
+std::string subtype_of(TS ts, const std::string& type);
+
+// The library's type whose steps the type `fused` takes tile by tile; "" where it is none of these:
 //
 //     fusedrk       rk: -ts_rk_type names the tableau
 //     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
-//     leapfrog      Stoermer and Verlet's, friction by the midpoint rule
-class FusedMethod {
- public:
-  // For the library's `type`, rk, arkimex or rosw, or for leapfrog.
-  static std::unique_ptr<FusedMethod> of(const std::string& type);
-  virtual ~FusedMethod() = default;
-
-  virtual const char* type() const = 0;     // the library's
-  virtual const char* subtype() const = 0;  // its tableau
-  virtual void set_subtype(const char* name) = 0;
-  // `implicit`: of arkimex.
-  virtual std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const = 0;
-  virtual int order() const = 0;  // as the error control takes it
-  // How many slopes TiledStep::take keeps, and their weights in u at the part s of a step dt; a method
-  // without such a polynomial of its own keeps none (integrator_impl.hpp).
-  virtual int slopes() const { return 0; }
-  virtual std::vector<double> weights_at(double, double) const {
-    throw std::logic_error(std::string(type()) + " has no polynomial of its own");
-  }
-  // A TS of the library's type with this tableau; nullptr where none is needed.
-  virtual TS library() const { return nullptr; }
-};
-
-// The type that takes the steps of the library's `type` tile by tile, and the way back; "" where there is
-// none. Leapfrog, of which the library has nothing, is both.
-std::string fused_type(const std::string& type);
+//     leapfrog      Stoermer and Verlet's, friction by the midpoint rule, which the library does not have
 std::string library_type(const std::string& fused);
 void register_fused_types();  // as names that -ts_type accepts and -ts_view shows
 
+// A method whose stages are taken tile by tile (stepper.hpp), with the library's tableau and its values
+// between steps.
+class FusedMethod {
+ public:
+  // Of the library's `type`, rk or arkimex, or of leapfrog. `subtype`: "" for the library's default.
+  FusedMethod(const std::string& type, const std::string& subtype);
+
+  const std::string& subtype() const { return subtype_; }
+  const StageProgram& program() const { return program_; }
+  // `implicit`: of arkimex.
+  std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const;
+  // How many slopes StepTaker::take keeps for values between steps, and their weights in u at the part s of a
+  // step dt; none of a method whose polynomial is another (Capabilities::degree).
+  int slopes() const;
+  std::vector<double> weights_at(double s, double dt) const;
+
+ private:
+  std::string subtype_;
+  StageProgram program_;
+  TsHandle rk_;                       // of rk: the library's, which knows the polynomial
+  std::unique_ptr<ImexMethod> imex_;  // of arkimex
+};
+
 // The tableau of a TS of type rk.
 StageProgram tableau_of(TS rk);
+
+// An explicit Runge-Kutta method that the library lacks: type rk, the name of the tableau, and what else the
+// table of methods holds; with the tableau, s stages.
+struct AddedTableau {
+  Method method;
+  std::vector<double> A;  // s x s, row-major, below its diagonal
+  std::vector<double> b;  // weights of the step
+  // weights of the pair's other step, for the error estimate; none: fixed steps only
+  std::vector<double> embedded;
+};
+
+std::vector<AddedTableau> added_tableaus();  // added_tableaus.cpp
 
 // Leapfrog (Stoermer and Verlet) with friction implicit at the node, tile by tile.
 //

@@ -190,13 +190,13 @@ void Equations::begin_step(TS ts) {
   SS_TRY(SNESSetLagJacobian(snes, -2));  // at the next round of Newton's method, which keeps it from then on
 }
 
-void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
+void Equations::attach(TS ts, const Capabilities& can, const std::string& prefix) {
   // PETSc from 3.20 on takes an IMEX method without explicit part for one of equations with algebraic ones,
   // and solves at each restart for a slope, with this SNES, its step and its Jacobian: so there is one, of
   // zeros.
-  if (implicit_ != Implicit::both || kind == MethodKind::imex)
+  if (implicit_ != Implicit::both || can.splits)
     SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
-  if (kind == MethodKind::explicit_) return;
+  if (can.is_explicit) return;
   SS_TRY(TSSetIFunction(ts, nullptr, IFunction, this));
   J_ = model_.create_jacobian(jacobian_part());
   SS_TRY(TSSetIJacobian(ts, J_, J_, IJacobian, this));
@@ -206,7 +206,7 @@ void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
   if (implicit_ == Implicit::wave || implicit_ == Implicit::none) {
     SS_TRY(SNESSetType(snes, SNESKSPONLY));
   } else {
-    shares_jacobian_ = shares_jacobian(ts, kind, prefix);
+    shares_jacobian_ = shares_jacobian(can, prefix);
     set_newton(snes, prefix);
   }
   SS_TRY(SNESGetKSP(snes, &ksp));
@@ -215,11 +215,9 @@ void Equations::attach(TS ts, MethodKind kind, const std::string& prefix) {
 
 // Of a Rosenbrock method too, which has PETSc hold on to it over a step that is tried again, with the shift
 // of the length that failed.
-bool Equations::shares_jacobian(TS ts, MethodKind kind, const std::string& prefix) {
-  TSType type;
-  SS_TRY(TSGetType(ts, &type));
-  if (type == std::string(TSROSW)) return !user_set(prefix, "ts_rosw_recompute_jacobian");
-  return kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
+bool Equations::shares_jacobian(const Capabilities& can, const std::string& prefix) {
+  if (can.linearises) return !user_set(prefix, "ts_rosw_recompute_jacobian");
+  return can.splits && !user_set(prefix, "snes_lag_jacobian");
 }
 
 void Equations::set_newton(SNES snes, const std::string& prefix) {
@@ -272,12 +270,12 @@ bool FiniteTest::operator()(Vec u) const {
 // ---- set-up
 // ----------------------------------------------------------------------------------------------------
 
-PetscStepper::PetscStepper(const Model& model, TS ts, Implicit implicit, MethodKind kind,
+PetscStepper::PetscStepper(const Model& model, TS ts, Implicit implicit, const Capabilities& can,
                            const std::string& prefix, Loop loop)
     : model_(model), ts_(ts), prefix_(prefix), loop_(std::move(loop)), equations_(model, implicit),
       all_finite_(model) {
   SS_TRY(TSSetApplicationContext(ts, this));
-  equations_.attach(ts, kind, prefix);
+  equations_.attach(ts, can, prefix);
 }
 
 // A library's type weighs by vectors what differs from unknown to unknown.
@@ -302,7 +300,8 @@ void PetscStepper::set_up(const Method& method, bool adaptive, PetscInt most_rej
   const std::string type = method.type;
   adaptive_ = adaptive;
   undoes_ = adaptive && (type == TSRK || type == TSARKIMEX);
-  narrows_ = adaptive && model_.friction_law(0).steep && (model_.scene().massless() || type == TSROSW);
+  narrows_ = adaptive && model_.friction_law(0).steep &&
+             (model_.scene().massless() || capabilities(method).linearises);
   if (type == TSRK) {
     const PetscReal *A, *b, *c, *embedded, *interpolating;
     PetscInt stages, degree;

@@ -50,13 +50,12 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   const Rates rates = rates_of(model, u);
   const Choice choice = choose_method(model, rates, spec, prefix);
   implicit = choice.implicit;
-  SS_TRY(TSSetType(ts, (choice.named_fused ? fused_type(choice.type) : choice.type).c_str()));
-  if (!choice.named_fused) set_subtype(choice.type, choice.subtype);
+  can = capabilities(offered_type(choice.type));
+  SS_TRY(TSSetType(ts, (choice.named_fused ? can.fused_type : choice.type).c_str()));
+  if (!choice.named_fused) set_subtype(ts, choice.type, choice.subtype);
   const std::string given = given_subtype(choice.type);
   const bool fuses = will_fuse(choice);  // asks no solver, nor a matrix, most of a run's memory
-  if (!fuses)
-    stepper = std::make_unique<PetscStepper>(model, ts, implicit, offered_type(choice.type).kind, prefix,
-                                             loop());
+  if (!fuses) stepper = std::make_unique<PetscStepper>(model, ts, implicit, can, prefix, loop());
   set_step_control(spec, rates);
   {
     const UsualNorm norm(model, prefix);
@@ -68,7 +67,8 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   if (fuses) fuse(choice, given.empty() ? choice.subtype : given);
   set_tolerances(tolerances_of(spec));
   if (!fuses) SS_TRY(TSSetUp(ts));
-  method = &offered_method(choice.type, fuses ? fused->subtype() : subtype_now(choice.type));
+  method = &offered_method(choice.type, fuses ? fused->subtype() : subtype_of(ts, choice.type));
+  can = capabilities(*method);
   if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, *stepper, fused, drive);
   read_adaptivity(spec.step > 0, u);
   SS_TRY(TSGetTimeStep(ts, &fixed_dt));
@@ -107,18 +107,9 @@ void Integrator::Impl::create_ts(Vec u) {
   SS_TRY(TSSetSolution(ts, u));
 }
 
-void Integrator::Impl::set_subtype(const std::string& type, const std::string& name) const {
-  if (name.empty()) return;
-  if (type == TSRK) SS_TRY(TSRKSetType(ts, name.c_str()));
-  if (type == TSARKIMEX) SS_TRY(TSARKIMEXSetType(ts, name.c_str()));
-  if (type == TSROSW) SS_TRY(TSRosWSetType(ts, name.c_str()));
-  if (type == TSSSP) SS_TRY(TSSSPSetType(ts, name.c_str()));
-  if (type == TSBDF) SS_TRY(TSBDFSetOrder(ts, std::stoi(name)));
-}
-
 // The user's subtype, "" where none is named, before the library meets one that it does not know.
 std::string Integrator::Impl::given_subtype(const std::string& type) const {
-  const std::string option = subtype_option(type);
+  const std::string& option = can.subtype_option;
   char subtype[80];
   PetscBool set = PETSC_FALSE;
   if (!option.empty())
@@ -127,18 +118,6 @@ std::string Integrator::Impl::given_subtype(const std::string& type) const {
   if (!set) return "";
   (void)offered_method(type, subtype);
   return subtype;
-}
-
-std::string Integrator::Impl::subtype_now(const std::string& type) const {
-  const char* name = nullptr;
-  if (type == TSRK) SS_TRY(TSRKGetType(ts, &name));
-  if (type == TSARKIMEX) SS_TRY(TSARKIMEXGetType(ts, &name));
-  if (type == TSROSW) SS_TRY(TSRosWGetType(ts, &name));
-  if (type == TSSSP) SS_TRY(TSSSPGetType(ts, &name));
-  if (type != TSBDF) return name ? name : "";
-  PetscInt order;
-  SS_TRY(TSBDFGetOrder(ts, &order));
-  return std::to_string(order);
 }
 
 void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rates) const {
@@ -153,20 +132,18 @@ void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rat
 
 // Whether steps are taken tile by tile.
 bool Integrator::Impl::will_fuse(const Choice& choice) const {
-  if (!choice.fused || fused_type(choice.type).empty()) return false;
+  if (!choice.fused) return false;
   if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
   if (!choice.named_fused) return false;
   throw usage_error("ts_adapt_max_ignore: ts_type {} does not support it; use ts_type {}",
-                    fused_type(choice.type), choice.type);
+                    can.fused_type, choice.type);
 }
 
 // Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the
 // library's own.
 void Integrator::Impl::fuse(const Choice& choice, const std::string& subtype) {
-  SS_TRY(TSSetType(ts, fused_type(choice.type).c_str()));
-  std::unique_ptr<FusedMethod> steps = FusedMethod::of(choice.type);
-  if (!subtype.empty()) steps->set_subtype(subtype.c_str());
-  auto made = std::make_unique<FusedStepper>(model, ts, std::move(steps), implicit,
+  SS_TRY(TSSetType(ts, can.fused_type.c_str()));
+  auto made = std::make_unique<FusedStepper>(model, ts, choice.type, subtype, implicit,
                                              Stick::applies_to(model.scene()), loop());
   fused = made.get();
   stepper = std::move(made);
@@ -205,7 +182,7 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
   SS_TRY(TSAdaptGetStepLimits(adapt, &floor, &longest));
   clock_limits = model.friction_law(0).steep;
   // the library's 1e-20 is of one unit; what shrinks below the digits of the time is found out (base/idling)
-  if (method->type != std::string(TSBDF) && !user_set(prefix, "ts_adapt_dt_min"))
+  if (!can.multistep && !user_set(prefix, "ts_adapt_dt_min"))
     SS_TRY(TSAdaptSetStepLimits(adapt, floor = 0, longest));
   if (user_set(prefix, "ts_adapt_always_accept"))
     warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
@@ -233,10 +210,10 @@ void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
   if (!user_set(prefix, "ts_dt") && !step_given)
     warn(name + how + ": every step is " + number_text(dt) +
          ", chosen for stability and not for accuracy; set ts_dt, or use an adaptive method such as " +
-         (method->kind == MethodKind::explicit_ ? "rk:5dp"
-          : method->kind == MethodKind::imex    ? "arkimex:4"
-                                                : "rosw:ra34pw2"));
-  if (method->type == std::string(TSBDF) && method->subtype > std::string("2"))
+         (can.is_explicit ? "rk:5dp"
+          : can.splits    ? "arkimex:4"
+                          : "rosw:ra34pw2"));
+  if (can.multistep && method->subtype > std::string("2"))
     warn("ts_bdf_order " + std::string(method->subtype) +
          ": with fixed steps the order is 2 (its first steps are); " + "use ts_adapt_type basic");
 }
@@ -256,8 +233,7 @@ void Integrator::Impl::refuse_below_round_off(Vec u) const {
 }
 
 void Integrator::Impl::set_dense_output() {
-  if (const int degree = DenseOutput::degree_for(*method))
-    dense = std::make_unique<DenseOutput>(model, degree);
+  if (can.degree > 0) dense = std::make_unique<DenseOutput>(model, can.degree);
 }
 
 }  // namespace stickslip

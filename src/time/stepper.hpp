@@ -28,7 +28,7 @@ class Equations {
 
   // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. This object must outlive
   // `ts`. Collective.
-  void attach(TS ts, MethodKind kind, const std::string& prefix);
+  void attach(TS ts, const Capabilities& can, const std::string& prefix);
   // Its equations are solved to `target`, in parts of the scales and values.
   void solve_to(const Tolerances& tolerances, double target) {
     tolerances_ = tolerances;
@@ -54,7 +54,7 @@ class Equations {
   Sizes sizes_of(Vec u, Vec residual) const;
   double slope_of_friction(PetscInt i, const double* at) const;
   double largest_miss(Vec u, Vec residual) const;
-  static bool shares_jacobian(TS ts, MethodKind kind, const std::string& prefix);
+  static bool shares_jacobian(const Capabilities& can, const std::string& prefix);
   void set_newton(SNES snes, const std::string& prefix);
   void set_linear_solver(KSP ksp) const;
   // where nothing is implicit a matrix of the pointwise pattern, for methods that ask for one
@@ -170,8 +170,9 @@ class FusedStepper : public Stepper {
   // Memory of a node whose unknowns take `unknowns` bytes: u before the step, and the slopes that are kept.
   static double bytes_a_node(double unknowns, int slopes) { return (1 + slopes) * unknowns; }
 
-  FusedStepper(const Model& model, TS ts, std::unique_ptr<FusedMethod> method, Implicit implicit,
-               bool sticking, Loop loop);
+  // `type`, `subtype`: as FusedMethod takes them.
+  FusedStepper(const Model& model, TS ts, const std::string& type, const std::string& subtype,
+               Implicit implicit, bool sticking, Loop loop);
   void set_tolerances(const Tolerances& tolerances) override { tolerances_ = tolerances; }
   void set_up(const Method& method, bool adaptive, PetscInt most_rejections) override;
   Outcome step(Vec u, const Asked& asked) override;
@@ -182,7 +183,7 @@ class FusedStepper : public Stepper {
 
   // u at the part `part` of the last step by a step that ends there; false where it finds no solution.
   bool shorter(double part, Vec into) const;
-  const char* subtype() const { return method_->subtype(); }
+  const std::string& subtype() const { return method_.subtype(); }
   void control_by(StepControl control) { control_ = std::make_unique<StepControl>(control); }
   // The last stage, where it is taken at the new u, leaves its slope in the Vec that this returns.
   bool last_is_solution() const { return taker_->last_is_solution(); }
@@ -194,7 +195,8 @@ class FusedStepper : public Stepper {
 
   const Model& model_;
   TS ts_;
-  std::unique_ptr<FusedMethod> method_;
+  std::string type_;  // the library's
+  FusedMethod method_;
   Implicit implicit_;
   Loop loop_;
   std::unique_ptr<StepTaker> taker_;
@@ -215,8 +217,8 @@ class FusedStepper : public Stepper {
 class PetscStepper : public Stepper {
  public:
   // Gives `ts`, whose type stands, its callbacks; must outlive it. `prefix`: of PETSc's options.
-  PetscStepper(const Model& model, TS ts, Implicit implicit, MethodKind kind, const std::string& prefix,
-               Loop loop);
+  PetscStepper(const Model& model, TS ts, Implicit implicit, const Capabilities& can,
+               const std::string& prefix, Loop loop);
   void set_tolerances(const Tolerances& tolerances) override;
   void set_up(const Method& method, bool adaptive, PetscInt most_rejections) override;
   Outcome step(Vec u, const Asked& asked) override;

@@ -216,13 +216,13 @@ bool balance_at_once(const Model& model, const Tolerances& tolerances, double mo
 // Steps meet what falls at once by being rejected, or end at their floor. What bdf remembers of earlier steps
 // does not go with a psi that was put in.
 bool Integrator::Impl::reaches_balance(const Step& step, bool was_rejected) const {
-  return adaptive && method->type != std::string(TSBDF) && (was_rejected || steps_at_floor > 0) &&
+  return adaptive && !can.multistep && (was_rejected || steps_at_floor > 0) &&
          balance_at_once(model, tolerances, std::max(drive.same_time, clock * std::abs(step.t)), step.u);
 }
 
 std::string Integrator::Impl::instead() const {
-  const bool remembers = method->type == std::string(TSBDF) && model.friction_law(0).steep;
-  return remembers ? ", or take ts_type arkimex or rosw, by which psi may fall by decades at once" : "";
+  if (!can.multistep || !model.friction_law(0).steep) return "";
+  return ", or take ts_type arkimex or rosw, by which psi may fall by decades at once";
 }
 
 // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells

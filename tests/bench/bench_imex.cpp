@@ -89,9 +89,7 @@ void compare(const Case& c, const std::string& implicit) {
   std::vector<std::unique_ptr<StepTaker>> steps;
   for (const auto& [type, subtype] :
        {std::pair(TSRK, TSRK5DP), std::pair(TSARKIMEX, TSARKIMEX3), std::pair(TSARKIMEX, TSARKIMEX4)}) {
-    const auto method = FusedMethod::of(type);
-    method->set_subtype(subtype);
-    steps.push_back(method->make(model, what, false));
+    steps.push_back(FusedMethod(type, subtype).make(model, what, false));
   }
   const double short_dt = std::min(dt, 0.1 / std::max(model.wave_frequency(), model.friction_rate(u)));
   const bool anew = number("-bench_factor", 0) != 0;

@@ -1,6 +1,6 @@
 // Zonneveld's pair of orders 4 and 3 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
 // table 4.2).
-#include "time/added_tableaus.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 

@@ -22,7 +22,7 @@ enum class Adaptivity {
 };
 
 struct Method {
-  const char *type, *subtype;  // -ts_type, and the value of subtype_option(type) ("" where there is none)
+  const char *type, *subtype;  // -ts_type, and the value of Capabilities::subtype_option ("": there is none)
   MethodKind kind;
   int order;  // measured with fixed steps, split in every way that it offers
   Adaptivity adaptivity;
@@ -33,12 +33,33 @@ struct Method {
 
 const std::vector<Method>& methods();
 
-// What a method that splits can take implicitly, as imex_implicit says it; empty for all others.
-std::vector<std::string> splits_of(const Method& method);
+// What a method can do, and what follows from the way in which it does it.
+struct Capabilities {
+  bool is_explicit = false;   // takes the whole right-hand side
+  bool has_estimate = false;  // chooses its steps by an estimate of their error unless the user fixes them
+  bool splits = false;        // a part alone is implicit, or may be:
+  std::vector<std::string> parts;  // of these one, as imex_implicit says it
 
-// The option that chooses among the methods of one type, without the dash: "ts_rk_type", "ts_bdf_order"; ""
-// where there is nothing to choose.
-std::string subtype_option(const std::string& type);
+  bool remembers = false;   // earlier steps: begins anew with a step of less accuracy
+  bool multistep = false;   // and what it remembers are their values, not a slope alone
+  bool linearises = false;  // Rosenbrock: solves linear equations, and takes the right-hand side for steady
+  bool kicks = false;       // Stoermer and Verlet: friction alone, with mass, between kicks by the neighbours
+  bool keeps_order = false;  // where friction is stiff
+
+  // Of values between steps: the degree of a polynomial through slopes, 0 where the method has one of its
+  // own; and whether that one errs by an order more than the step.
+  int degree = 0;
+  bool falls_short = false;
+
+  // The option that chooses among the methods of its type, without the dash: "ts_rk_type", "ts_bdf_order"; ""
+  // where there is nothing to choose.
+  std::string subtype_option;
+  // The type that takes its steps tile by tile (-ts_type names it too); "" where there is none.
+  std::string fused_type;
+};
+
+// Read off the method's kind, estimate and name.
+Capabilities capabilities(const Method& method);
 
 // The entry of a method. Throws UsageError, with what to use instead, for types and subtypes that give no
 // answer or a wrong one here.
@@ -66,10 +87,7 @@ struct MethodSpec {
   const Method& method() const { return offered_method(type, subtype); }
   std::string name() const { return method().name(); }
   int order() const { return method().order; }
-  // chooses its steps by an estimate of their error; otherwise every step is the same
-  bool has_estimate() const;
-  bool splits() const;  // IMEX: a part alone is implicit, as `implicit` says, or may be
-  bool is_explicit() const;
+  Capabilities can() const { return capabilities(method()); }
 };
 
 }  // namespace stickslip
