@@ -616,11 +616,10 @@ TEST_CASE("banded systems in pieces have the solution that they were made from",
         for (int k = 0; k < 2; ++k) {
           const Vec v = k == 0 ? diagonal : b;
           const double* own;
-          layout.fetch(v);
           SS_TRY(VecGetArrayRead(v, &own));
+          layout.fetch(own);
           for (const BandTile& t : layout.tiles()) layout.load(t, own, 0, &columns[k][std::size_t(t.at)]);
           SS_TRY(VecRestoreArrayRead(v, &own));
-          layout.end_fetch();
         }
         for (std::size_t k = 0; k < layout.tiles().size(); ++k) {
           const auto at = std::size_t(layout.tiles()[k].at);
