@@ -32,17 +32,9 @@ def draw_spectrum(file, args):
     middle = (min(re.min(), 0) + max(re.max(), 0)) / 2
     half = max(0.6 * (max(re.max(), 0) - min(re.min(), 0)), least)
     left.set_xlim(middle - half, middle + half)
-    edge = file["pseudo_re"][-1] if "pseudo_re" in file else middle + half
-    left.axvspan(0, edge, color=STICKS, lw=0, zorder=0)
+    left.axvspan(0, middle + half, color=STICKS, lw=0, zorder=0)
     left.axvline(0, **REFERENCE)
     name_axes(left, "growth_rate", "frequency")
-    if "log10_resolvent" in file:
-        z, w, level = file["pseudo_re"][...], file["pseudo_im"][...], file["log10_resolvent"][...]
-        lines = left.contour(z, w, level, levels=np.arange(np.floor(level.min() * 4) / 4, level.max() + 0.25, 0.25),
-                             cmap="viridis", linewidths=0.8)
-        picture.colorbar(lines, ax=left, label="log10 of the resolvent norm (energy)")
-        left.set(xlim=(z[0], z[-1]), ylim=(w[0], w[-1]))
-        left.locator_params(axis="x", nbins=5)
     picture.label_region(left, "growing", lambda x, y: x > 0, RED)
     x = file["x"][...]
     first = max(range(len(re)), key=lambda k: (bool(resolved[k]), re[k]))

@@ -50,7 +50,6 @@ SMALL = {
     "accuracy_seconds": lambda r: "0.1",
     "out_maxima": lambda r: r.choice(["0", "1", "1e9"]),
     "lyapunov_count": lambda r: r.choice(["0", "1", "3", "1000"]),
-    "spectrum_pseudo": lambda r: r.choice(["2", "9", "40"]),
     "cycle_wavenumbers": lambda r: r.choice(["2", "7"]),
     "cycle_steps": lambda r: r.choice(["1", "3"]),
     "cycle_cell": lambda r: r.choice(["0", "1", "2", "3"]),

@@ -105,8 +105,6 @@ def spectra():
     yield "spectrum-held", [f"spectrum -grid_n 40 -grid_length 9 -bc_left velocity -bc_left_value 0.4 -model_v 0.9 {FILE}"]
     yield "spectrum-krylov", [f"spectrum -grid_n 3000 -grid_length 60 -bc_left velocity -bc_left_value 0.8 -model_v 1 "
                               f"-spectrum_method krylov -spectrum_count 4 {FILE}"]
-    yield "spectrum-transient", ["spectrum -grid_n 24 -grid_length 6 -model_v 1.1 -spectrum_transient",
-                                 f"spectrum -grid_n 20 -grid_length 6 -model_v 1.1 -spectrum_pseudo 12 {FILE}"]
     yield "spectrum-profile", [f"spectrum -grid_n 40 -grid_length 9 -friction_amplitude_profile 0:1,4:1.5,9:1 -model_v 0.9 {FILE}"]
     yield "spectrum-massless", [f"spectrum {CHAIN} -model_m 0 -model_zeta 0.5 -model_v 0.9 {FILE}"]
     yield "spectrum-then-run", [f"spectrum {RING} -model_v 0.9 {FILE}",

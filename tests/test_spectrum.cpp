@@ -13,7 +13,6 @@
 #include "stickslip/model/model.hpp"
 #include "stickslip/stability/argument_principle.hpp"
 #include "stickslip/stability/spectrum.hpp"
-#include "stickslip/stability/transient.hpp"
 
 using namespace stickslip;
 
@@ -281,32 +280,6 @@ TEST_CASE("the count along the line is LAPACK's, also where the line is shared a
   CHECK(tree > 0.9 * all_scenes);  // the others are counted by one determinant a point
 }
 
-TEST_CASE("transient growth: wave by wave and dense agree, and bound the spectrum", "[spectrum][serial]") {
-  Scene s;
-  s.n = 24;
-  s.length = 12;
-  s.v = 1.05;
-  const LinearisedOperator uniform(s);
-  // the abscissa of the 2x2 blocks: the diagonal alone where delta = 0
-  s.delta = 0;
-  const auto plain = transient_growth(LinearisedOperator(s), -1);
-  REQUIRE(plain);
-  CHECK(plain->abscissa == Approx(0).margin(1e-12));  // diag(-gamma phi', 0)
-  CHECK(plain->growth == Approx(1).margin(1e-9));
-  s.delta = 0.2;
-  SpectrumSettings settings;
-  settings.refine = false;
-  const double growth = compute_spectrum(PETSC_COMM_SELF, uniform, settings).growth;
-  const auto waves = transient_growth(uniform, growth);
-  s.spread = 1e-9;  // the same to 1e-9, but not alike: the dense way
-  const auto dense = transient_growth(LinearisedOperator(s), growth);
-  REQUIRE(waves);
-  REQUIRE(dense);
-  CHECK(waves->abscissa >= growth);
-  CHECK(dense->abscissa == Approx(waves->abscissa).epsilon(1e-6).margin(1e-7));
-  CHECK(dense->growth == Approx(waves->growth).epsilon(1e-6));
-}
-
 TEST_CASE("friction does not enter det S(0): no real eigenvalue of sliding can cross zero", "[spectrum]") {
   // lambda multiplies every term of S but K0 - K1 D2, so the product of all eigenvalues is, up to its sign,
   // A^n prod r_i det(K0 - K1 D2): not 0 with K0 > 0 or a held end.
@@ -330,85 +303,6 @@ TEST_CASE("friction does not enter det S(0): no real eigenvalue of sliding can c
     CHECK(std::isfinite(expected));
     CHECK(product == Approx(expected).margin(1e-6));
   }
-}
-
-TEST_CASE("transient growth of many nodes: the iteration agrees with the dense matrix",
-          "[spectrum][serial]") {
-  int growing = 0, all = 0;
-  for (unsigned seed = 1; seed <= 200 && all < 16; ++seed) {
-    Scene scene = random_scene(9000 + seed, 36);
-    scene.nu = 0;  // the iteration does not know it
-    if (scene.left == End::velocity || scene.right == End::velocity) scene.order = 2;
-    std::optional<LinearisedOperator> s;
-    try {
-      s.emplace(scene);
-    } catch (const Failure&) {
-      continue;
-    }
-    const double growth = lapack(*s)[0].real();
-    if (growth > -0.02 || !s->exact_waves().empty()) continue;
-    const auto dense = transient_growth(*s, growth), iterated = transient_growth(*s, growth, true);
-    INFO(describe(scene) << " growth rate " << growth << " at " << (dense ? dense->time : 0) << " and "
-                         << (iterated ? iterated->time : 0));
-    CHECK(dense.has_value() == iterated.has_value());
-    if (!dense || !iterated) continue;
-    ++all;
-    growing += dense->growth > 1.01;
-    CHECK(iterated->abscissa == Approx(dense->abscissa).margin(1e-7 * s->imaginary_bound()));
-    CHECK(iterated->exact);
-    // both are sampled in time, each from below: the iteration at 0.5 over the largest frequency, so that it
-    // may be by 1 - cos(0.25) beside a top; dense at 1/200 of its horizon
-    CHECK(iterated->growth >= dense->growth * std::cos(0.25));
-    CHECK(iterated->growth <= dense->growth * 1.1);
-  }
-  CHECK(all == 16);
-  CHECK(growing >= 3);
-}
-
-TEST_CASE("the resolvent norm: 1/distance where the operator is normal, and below the growth it bounds",
-          "[spectrum][serial]") {
-  Scene s;  // at v = 1 the cubic law neither damps nor drives, so that the energy is conserved
-  s.n = 50;
-  s.length = 20;
-  s.v = 1;
-  s.delta = 0;
-  s.order = 6;
-  s.spread = 0.3;
-  const LinearisedOperator plain(s);
-  const std::vector<Complex> values = lapack(plain);
-  for (const Complex z : {Complex(0.1, 1.2), Complex(-0.3, 0.4), Complex(0.01, 2.5), Complex(1, 0)}) {
-    double distance = 1e300;
-    for (const Complex& value : values) distance = std::min(distance, std::abs(z - value));
-    CHECK(resolvent_norm(plain, z) == Approx(1 / distance).epsilon(2e-4));
-  }
-  // Re z |(z - J)^-1| <= max |exp(J t)| right of the axis (Kreiss), both ranks of a communicator or one
-  s.v = 1.2;
-  s.order = 2;
-  s.spread = 0;
-  s.left = End::velocity;
-  s.right = End::free;
-  s.left_value = 0.8;
-  const LinearisedOperator held(s);
-  const double growth = lapack(held)[0].real();
-  REQUIRE(growth < 0);
-  const double most = transient_growth(held, growth)->growth;
-  const std::vector<double> re{0.02, 0.1, 0.3}, im{0, 1, 1.3, 2};
-  const std::vector<double> norms = pseudospectrum(PETSC_COMM_SELF, held, re, im);
-  REQUIRE(norms.size() == 12);
-  double kreiss = 0;
-  for (std::size_t k = 0; k < norms.size(); ++k) {
-    kreiss = std::max(kreiss, re[k % 3] * norms[k]);
-    CHECK(norms[k] == Approx(resolvent_norm(held, {re[k % 3], im[k / 3]})).epsilon(2e-4));
-  }
-  CHECK(kreiss <= most * 1.001);
-  // waves in closed form, against the iteration
-  s.right = s.left = End::periodic;
-  s.length = 20;
-  const LinearisedOperator ring(s);
-  const std::vector<double> closed = pseudospectrum(PETSC_COMM_SELF, ring, re, im);
-  for (std::size_t k = 0; k < closed.size(); ++k)
-    CHECK(closed[k] == Approx(resolvent_norm(ring, {re[k % 3], im[k / 3]})).epsilon(2e-4));
-  CHECK(kreiss > 0.2);
 }
 
 TEST_CASE("modes trapped at the grid scale behind a held end are found on a long grid",

@@ -5,14 +5,12 @@
 #include <cmath>
 
 #include "base/progress.hpp"
-#include "base/found_until.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/stability/spectrum.hpp"
-#include "stickslip/stability/transient.hpp"
 #include "stickslip/stability/uniform_states.hpp"
 
 namespace stickslip {
@@ -23,17 +21,6 @@ SpectrumMethod method_of(const std::string& text) {
   if (text == "dense") return SpectrumMethod::dense;
   if (text == "krylov") return SpectrumMethod::krylov;
   return SpectrumMethod::automatic;
-}
-
-constexpr const char* no_norm =
-    "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
-    "4 or 6; k0 = 0 without a held end; or no mass), or too large for its matrix with model_nu";
-
-// What the number says about the largest |exp(J t)|.
-std::string growth_is(const Transient& t) {
-  if (t.exact) return "the maximum over time";
-  if (t.method != "iteration") return "a lower bound: the maximum over the times looked at";
-  return "a lower bound: waves up to frequency " + rounded_text(t.frequency, 6);
 }
 
 // A number with the digits that its error leaves.
@@ -103,26 +90,12 @@ struct SpectrumResults {
   const SteadySliding& steady;
   std::size_t unknowns;
   std::optional<Spectrum> spectrum;
-  std::optional<Transient> transient;
-  std::optional<double> kreiss;
   std::optional<std::vector<UniformState>> states;
 };
 
 Json steady_of(const SpectrumResults& r) {
   const auto [low, high] = std::minmax_element(r.steady.psi.begin(), r.steady.psi.end());
   return {{"psi_min", *low}, {"psi_max", *high}, {"residual", r.steady.residual}};
-}
-
-Json transient_of(const SpectrumResults& r) {
-  if (!r.transient) return {};
-  const Transient& t = *r.transient;
-  const bool stable = r.spectrum->stable;
-  return {{"norm", "energy"},
-          {"method", t.method},
-          {"numerical_abscissa", t.abscissa},
-          {"growth", stable ? Json(t.growth) : Json()},
-          {"time", stable ? Json(t.time) : Json()},
-          {"growth_is", stable ? Json(growth_is(t)) : Json()}};
 }
 
 Columns<Spectrum> spectrum_columns() {
@@ -156,53 +129,16 @@ Columns<SpectrumResults> keys() {
          of<SpectrumResults>(&SpectrumResults::spectrum, spectrum_columns()) +
          Columns<SpectrumResults>{
              {"unknowns", "1", "size of the matrix", &SpectrumResults::unknowns},
-             {"transient", "",
-              "with `-spectrum_transient`: largest transient growth, when, in which norm "
-              "([stability.md](stability.md#transient-growth))",
-              transient_of},
-             {"kreiss", "1", "with `-spectrum_pseudo`: Kreiss' constant over the box, a lower bound",
-              &SpectrumResults::kreiss},
              {"uniform_states", "",
               "of a chain with k0 = 0, uniform and without held ends: every steady velocity at the force of "
               "the start (`init_eta`)",
               [](R r) { return r.states ? list_of(state_table(), *r.states) : Json(); }}};
 }
 
-// The resolvent norm in a box round the listed eigenvalues with Im >= 0, the imaginary axis included.
-struct Pseudospectrum {
-  std::vector<double> re, im, norm;  // re fastest
-};
-
-Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum& spectrum, PetscInt side,
-                                     Progress&& progress) {
-  Pseudospectrum box;
-  double left = 0, right = 0, bottom = 1e300, top = 0;
-  for (const Mode& m : spectrum.modes) {
-    left = std::min(left, m.value.real());
-    right = std::max(right, m.value.real());
-    bottom = std::min(bottom, m.value.imag());
-    top = std::max(top, m.value.imag());
-  }
-  const double wide = std::max({0.5 * (right - left), 0.25 * (top - bottom), 1e-3 * top});
-  const double high = std::max(0.3 * (top - bottom), wide);
-  bottom = std::max(0., bottom - high);
-  for (PetscInt k = 0; k < side; ++k) {
-    const double part = (double(k) + 0.5) / double(side);  // off the axes, where eigenvalues may stand
-    box.re.push_back(left - wide + part * (right - left + 2 * wide));
-    box.im.push_back(bottom + part * (top + high - bottom));
-  }
-  box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im, [&](double part) {
-    beat("resolvent norms");
-    if (progress.due())
-      progress.show(std::to_string(int(100 * part)) + " % of the resolvent norms" + progress.left(part));
-  });
-  return box;
-}
-
 // Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest
 // psi is 1.
 void write_file(const SteadySliding& steady, const LinearisedOperator& s, const Spectrum& spectrum,
-                const Pseudospectrum& box, const std::string& path, const Provenance& provenance) {
+                const std::string& path, const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
   const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.fields();
@@ -243,15 +179,6 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
   for (std::size_t c = 0; c < names.size(); ++c)
     file.add_complex({names[c], standard_field(names[c]).units, names[c] + " of the eigenvectors"},
                      {"mode", "x"}, parts[c]);
-  if (!box.norm.empty()) {
-    file.scale({"pseudo_re", "1/time", "real part of z"}, box.re);
-    file.scale({"pseudo_im", "1/time", "imaginary part of z"}, box.im);
-    std::vector<double> logarithm(box.norm.size());
-    std::transform(box.norm.begin(), box.norm.end(), logarithm.begin(),
-                   [](double r) { return std::log10(r); });
-    file.add({"log10_resolvent", "1", "log10 of |(z - J)^-1| times a unit of time, energy norm"},
-             {"pseudo_im", "pseudo_re"}, logarithm);
-  }
   file.write();
 }
 
@@ -289,27 +216,6 @@ Spectrum resolved_spectrum(const LinearisedOperator& J, const Options& options) 
   return spectrum;
 }
 
-// Beyond the eigenvalues, where it is asked for.
-Pseudospectrum look_further(const LinearisedOperator& J, const Options& options, SpectrumResults& results) {
-  const Spectrum& spectrum = *results.spectrum;
-  if (options.boolean("spectrum_transient")) {
-    Pulse::stage("transient growth");
-    results.transient = transient_growth(J, spectrum.growth);
-    if (!results.transient) warn(std::string("-spectrum_transient: ") + no_norm);
-  }
-  const PetscInt side = options.integer("spectrum_pseudo");
-  if (side <= 0) return {};
-  Pulse::stage("pseudospectrum");
-  Pseudospectrum box =
-      pseudospectrum_beside(J, spectrum, side, Progress(options.text("progress"), "spectrum: "));
-  if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
-  double kreiss = 0;
-  for (std::size_t k = 0; k < box.norm.size(); ++k)
-    kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
-  if (!box.norm.empty() && spectrum.stable) results.kreiss = kreiss;
-  return box;
-}
-
 std::vector<TableText> tables() { return {keys(), mode_table(), state_table()}; }
 
 int spectrum(const Options& options) {
@@ -322,7 +228,7 @@ int spectrum(const Options& options) {
     Pulse::stage("steady sliding");
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
-    SpectrumResults results{steady, J.size() * J.dof(), {}, {}, {}, {}};
+    SpectrumResults results{steady, J.size() * J.dof(), {}, {}};
     const auto tell = [&] { set_keys(summary, keys(), results); };
     tell();
     Pulse::stage("eigenvalues");
@@ -330,12 +236,9 @@ int spectrum(const Options& options) {
     check_unused_after_setup(options);
     results.spectrum = spectrum;
     tell();
-    const auto say_verdict = [&] { summary.say("steady sliding is " + verdict(spectrum)); };
-    Pseudospectrum box;
-    keeping_what_is_found([&] { box = look_further(J, options, results); }, say_verdict);
     if (has_uniform_states(scene)) results.states = states_at_start(scene, options, summary);
     tell();
-    write_file(steady, J, spectrum, box, options.text("out_file"), provenance);
+    write_file(steady, J, spectrum, options.text("out_file"), provenance);
     if (!any_resolved(spectrum))
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     for (const std::string& remark : spectrum.remarks) warn(remark);
@@ -343,7 +246,7 @@ int spectrum(const Options& options) {
       warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
     else if (!spectrum.list_complete)
       warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
-    say_verdict();
+    summary.say("steady sliding is " + verdict(spectrum));
     summary.say(fmt::format("{} modes of {} by {}; {}", spectrum.modes.size(), results.unknowns,
                             spectrum.method, spectrum.completeness_check));
     return 0;

@@ -302,11 +302,6 @@ void spectrum_options(OptionTableBuilder& t) {
            "of the matrix "
            "as resolved")
       .read_by("spectrum boundary");
-  t.boolean("spectrum_transient", "false",
-            "also the largest transient growth and the numerical abscissa, energy norm");
-  t.integer("spectrum_pseudo", "0", 0, 1000,
-            "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; "
-            "0: none");
 }
 
 void boundary_options(OptionTableBuilder& t) {
@@ -484,6 +479,16 @@ const std::vector<OptionSpec>& option_table() {
 const OptionSpec* find_option(const std::string& name) {
   const auto it = index().find(lower_case(name));
   return it == index().end() ? nullptr : it->second;
+}
+
+// Options that earlier versions had. Whoever removes one says here what serves in its place.
+std::string instead_of_gone(const std::string& name) {
+  static const std::unordered_map<std::string, const char*> advice = {
+      {"spectrum_transient", "a run from the perturbation shows how far it grows (init_type file)"},
+      {"spectrum_pseudo",
+       "resolvent norms are those of the matrix of docs/theory.md, which a few lines of Python make"}};
+  const auto it = advice.find(lower_case(name));
+  return it == advice.end() ? "" : it->second;
 }
 
 bool reads_option(const std::string& command, const OptionSpec& spec) {

@@ -36,6 +36,8 @@ void Options::set(const Given& given) {
     return;
   }
   const std::string name = lower_case(given.name);
+  if (const std::string advice = instead_of_gone(name); !advice.empty())
+    throw usage_error("-{}{}: this option is gone; {}", given.name, in_place(given.where), advice);
   if (!is_library_option(name)) {
     std::string message = "unknown option -" + quoted(given.name) + in_place(given.where);
     const auto equals = given.name.find('=');

@@ -245,17 +245,6 @@ std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU&
   return y;
 }
 
-std::vector<Complex> LinearisedOperator::resolvent_transposed(Complex lambda, const BandLU& lu,
-                                                              const std::vector<Complex>& b) const {
-  std::vector<Complex> e(size()), y(b.size());
-  for (std::size_t i = 0; i < size(); ++i) e[i] = -point(i).condense_transposed(lambda, node_of(b, i));
-  for (std::size_t i = 0; i < size() && N > 0; ++i)
-    for (const Coupling::Term& t : coupling.row(i)) e[t.column] -= N * t.value * b[i * dof() + 1];
-  solve_transposed(lu, e);
-  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand_transposed(lambda, e[i], node_of(b, i)), i, y);
-  return y;
-}
-
 // ---- waves
 // --------------------------------------------------------------------------------------------------------
 

@@ -351,10 +351,6 @@ def draw_spectrum(random):
     o = draw_law(random, draw_medium(random, int(random.integers(9, 40))), smooth=True)
     if random.random() < 0.3:
         o["friction_amplitude_profile"] = f"0:{random.uniform(0.5, 1.5):.3f},3:{random.uniform(0.5, 1.5):.3f}"
-    if random.random() < 0.3:
-        o["spectrum_transient"] = "true"
-    if random.random() < 0.2:
-        o["spectrum_pseudo"] = 6
     o["spectrum_count"] = 6
     return o
 

@@ -106,7 +106,7 @@ FILES = {
             "-grid_n 8 -ts_max_time 1 -load_normal 0:1,1:1.3",
             "-model_form chain -grid_n 4 -bc_left free -friction_law coulomb -init_psi 0 -model_v 0.1 -ts_max_time 5 -load_halt "
             "-out_events"],
-    "spectrum": ["-grid_n 8 -model_v 1.1 -friction_law rate-and-state -state_law ageing -spectrum_pseudo 3"],
+    "spectrum": ["-grid_n 8 -model_v 1.1 -friction_law rate-and-state -state_law ageing"],
     "boundary": ["-grid_n 16 -model_form chain -friction_law carlson-langer -model_zeta paper -boundary_parameter model_v "
                  "-boundary_from 0.5 -boundary_to 4 -boundary_parameter2 model_k1 -boundary_from2 0.1 -boundary_to2 1 "
                  "-boundary_points 6 -boundary_verify 1"],

@@ -67,6 +67,8 @@ OPTIONS = [
     (["-model_gama", "3"], "unknown option -model_gama; did you mean -model_gamma?"),
     (["-gamma", "3"], "did you mean -model_gamma?"),
     (["-xyzzy"], "unknown option -xyzzy"),
+    (["-spectrum_transient"], "-spectrum_transient: this option is gone; a run from the perturbation shows"),
+    (["-Spectrum_Pseudo", "60"], "this option is gone; "),
     (["-model_gamma=3"], "write the value as a word of its own: -model_gamma 3"),
     (["-ts_max_tim", "3"], "did you mean -ts_max_time?"),
     (["-ts_max_step", "3"], "did you mean -ts_max_steps?"),

@@ -23,23 +23,6 @@ def test_spectrum():
     drawn("s.h5")
 
 
-def test_non_normality():
-    # non-normality: what grows for a while though sliding is stable, and the resolvent norm drawn
-    summary, said = run("-model_form chain -grid_n 400 -model_v 1.2 -bc_left velocity -bc_left_value 0.8 -model_k1 4 "
-                        "-spectrum_transient true -spectrum_pseudo 8 -out_file n.h5", command="spectrum")
-    check(not said, said)
-    transient = summary["transient"]
-    check(transient["method"] == "iteration" and transient["growth_is"] == "the maximum over time" and
-          transient["growth"] > 1.4 and transient["numerical_abscissa"] > 0.2, f"transient growth: {transient}")
-    check(0 < summary["kreiss"] <= transient["growth"], f"Kreiss's lower bound {summary['kreiss']}")
-    file = data("n.h5")
-    distance = np.abs(file["pseudo_re"][None, :, None] + 1j * file["pseudo_im"][:, None, None] -
-                      (file["re"] + 1j * file["im"])[None, None, :]).min(axis=2)
-    norm = 10 ** file["log10_resolvent"]
-    check(norm.shape == (8, 8) and np.all(norm * distance > 0.999), "the resolvent norm is at least 1/distance")
-    drawn("n.h5")
-
-
 def test_an_eigenvector_as_a_start():
     # it decays at its growth rate
     run("-model_v 1 -grid_n 128 -out_file s.h5", command="spectrum")

@@ -77,6 +77,8 @@ LawOptions law_options();
 
 const std::vector<OptionSpec>& option_table();
 const OptionSpec* find_option(const std::string& name);  // case-blind; null where it is not ours
+// What serves in place of an option that earlier versions had; "" for any other name.
+std::string instead_of_gone(const std::string& name);
 bool reads_option(const std::string& command, const OptionSpec& spec);
 
 // What the option takes, e.g. "a number > 0" or "one of cubic, coulomb".

@@ -79,10 +79,8 @@ class LinearisedOperator {
   // |J x - lambda x|/|x| of it, x in the units of balance()
   double mode_residual(Complex lambda, const std::vector<Complex>& p) const;
   std::vector<Complex> multiply(const std::vector<Complex>& x) const;  // J x
-  // (J - lambda)^-1 b, and (J^T - lambda)^-1 b (no conjugation), with S(lambda) factored in lu.
+  // (J - lambda)^-1 b, with S(lambda) factored in lu.
   std::vector<Complex> resolvent(Complex lambda, const BandLU& lu, const std::vector<Complex>& b) const;
-  std::vector<Complex> resolvent_transposed(Complex lambda, const BandLU& lu,
-                                            const std::vector<Complex>& b) const;
   struct Entry {
     std::size_t row, column;
     double value;
