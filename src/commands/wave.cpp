@@ -340,7 +340,7 @@ int wave(const Options& options) {
     const auto tell = [&] { set_keys(summary, keys(), results); };
     tell();
     results.train = solve_train(scene, request);
-    check_unused_after_setup(options, "snes");
+    check_unused_after_setup(options);
     tell();
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_train(file, scene, *results.train);

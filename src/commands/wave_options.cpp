@@ -7,7 +7,7 @@ namespace stickslip {
 
 TrainRequest train_request(const Options& options) {
   TrainRequest request{options.integer("wave_pulses"), options.real_if_set("wave_length"),
-                       options.real_if_set("wave_speed"), true};
+                       options.real_if_set("wave_speed")};
   if (bool(request.length) == bool(request.speed))
     throw UsageError(request.length
                          ? "wave_length and wave_speed are both set: exactly one of the two is needed"

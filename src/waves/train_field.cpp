@@ -1,10 +1,6 @@
 #include "waves/train_field.hpp"
 
-#include <petscsys.h>
-
-#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "stickslip/base/error.hpp"
 
@@ -19,14 +15,6 @@ const TrainCase& checked(const TrainCase& asked) {
   if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
   if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
   return asked;
-}
-
-bool user_sets_snes() {
-  char* all = nullptr;
-  SS_TRY(PetscOptionsGetAll(nullptr, &all));
-  const bool found = all && std::strstr(all, "-snes_");
-  SS_TRY(PetscFree(all));
-  return found;
 }
 
 // The values of a viscous train: f, a z from which eta follows as it does without viscosity, and s.
@@ -169,10 +157,7 @@ Train pack(const TrainField& family, const TrainSolution& solution) {
 }
 
 bool newton(TrainSolution& s, const std::vector<Condition>& conditions, int most) {
-  const auto& field = static_cast<const TrainField&>(s.equations.field());
-  const bool asked = field.request().library_options && user_sets_snes();
-  const PeriodicEquations::Newton found =
-      asked ? s.equations.newton_by_snes(s.x, conditions, most) : s.equations.newton(s.x, conditions, most);
+  const PeriodicEquations::Newton found = s.equations.newton(s.x, conditions, most);
   s.last_step = found.last_step;
   s.residual = found.residual;
   return found.converged;

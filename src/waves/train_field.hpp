@@ -82,8 +82,7 @@ std::function<void(double, double*)> profile_of(const Train& train);
 // The train of a solution; its residual and errors stay 0.
 Train pack(const TrainField& field, const TrainSolution& solution);
 
-// Newton's method in at most so many steps, by SNES where the request says so and the user has options for
-// it; false where it does not converge.
+// Newton's method in at most so many steps; false where it does not converge.
 bool newton(TrainSolution& s, const std::vector<Condition>& conditions, int most = 20);
 // The same for the phase alone; false, too, where the equations are singular or not finite.
 bool solve_train_on_mesh(TrainSolution& s);

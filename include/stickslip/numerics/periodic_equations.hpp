@@ -138,9 +138,6 @@ class PeriodicEquations {
     bool took(const std::vector<double>& dx, std::size_t numbers);
   };
   Newton newton(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
-  // The same by PETSc's SNES, which listens to the user's options -snes_: its function is the step of
-  // Newton's method, reversed, its Jacobian 1.
-  Newton newton_by_snes(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
 
  private:
   struct Linear;

@@ -6,9 +6,7 @@
 // a case of the periodic problem of numerics/periodic_equations.hpp on a mesh that follows the fronts.
 // V/c - 1 is carried as ln sqrt(V^2 - c^2), so that it keeps all digits when V comes near c.
 //
-// With viscosity between neighbours the equation is one of third order (src/waves/train_field.hpp).
-//
-// Everything here is computed alike on every rank; only SNES on PETSC_COMM_SELF is used.
+// Everything here is computed alike on every rank.
 #pragma once
 
 #include <optional>
@@ -22,7 +20,6 @@ namespace stickslip {
 struct TrainRequest {
   PetscInt pulses = 1;
   std::optional<double> length, speed;
-  bool library_options = false;  // Newton's method by SNES where the user gave options -snes_?
 };
 
 struct TrainCase {
