@@ -144,7 +144,6 @@ def orbits():
     yield "wave-laws", [f"wave -wave_speed 3 -friction_law rate-and-state -friction_a 0.15 -friction_b 0.25 -friction_D 0.6 -model_v 0.8 -model_gamma 7.5 "
                         f"-model_delta 0 {FILE}", "wave -wave_speed 2 -friction_law coulomb -friction_stick regularised "
                         "-friction_eps 0.49 -friction_slip_velocity 1.28 -friction_fd 0.41 -friction_fs 1.26 -model_gamma 1.23 -model_v 0.82"]
-    yield "wave-viscous", [f"wave -wave_speed 2 -model_nu 0.05 -wave_spectrum -spectrum_count 4 {FILE}"]
     yield "wave-branch", [f"wave RUNS/train-branch.yaml -wave_steps 8 {FILE}"]
     yield "wave-limits", [f"wave RUNS/train-limits.yaml -wave_steps 3 {FILE}"]
 

@@ -3,8 +3,8 @@ docs/model alone.
 
 In the frame xi = t - x/V, one period T of (psi, eta[, s]) obeys R(u) = 0,
 
-    R_psi = gamma (eta - F) + nu psi''/V^2 - psi'
-    R_eta = [v - psi + c^2 psi''/V^2]/gamma - s delta (eta - F + (nu/gamma) psi''/V^2) - eta'
+    R_psi = gamma (eta - F) - psi'
+    R_eta = [v - psi + c^2 psi''/V^2]/gamma - s delta (eta - F) - eta'
     R_s   = g(psi, s) - s'
 
 and the matrix of Hill is the derivative of R at the train, with d/dxi + i theta/T for d/dxi in a wave of Bloch factor
@@ -40,13 +40,11 @@ def one_pulse(path, summary):
 class Train:
     """The train nearest to samples (phase rising in [0, 1), unknowns) of period T, on n points: u, period, residual."""
 
-    def __init__(self, p, speed, phase, samples, period, n, graded=True):
+    def __init__(self, p, speed, phase, samples, period, n):
         p = self.p = DEFAULTS | p
         self.V, self.n, self.d, self.law = speed, n, samples.shape[1], Law(p)
         self.sd = p["model_delta"] * (-1 if p.get("model_delta_sign") == "printed" else 1)
-        self.phase, self.D = np.arange(n) / n, fourier(n)
-        if graded:
-            self.grade(phase, samples)
+        self.grade(phase, samples)
         u = np.array([np.interp(self.phase, np.append(phase, 1), np.append(column, column[0])) for column in samples.T])
         u, self.period = u.ravel(), period
         anchor, psi0 = 0, u[0]
@@ -95,9 +93,9 @@ class Train:
         p, D = self.p, self.D / (period or self.period)
         psi, eta, s = self.split(u)
         curve, F = D @ (D @ psi) / self.V**2, self.law.force(psi, s)
-        nu, gamma = p.get("model_nu", 0), p["model_gamma"]
-        out = [gamma * (eta - F) + nu * curve - D @ psi,
-               (p["model_v"] - psi + p["model_c"]**2 * curve) / gamma - self.sd * (eta - F + nu / gamma * curve) - D @ eta]
+        gamma = p["model_gamma"]
+        out = [gamma * (eta - F) - D @ psi,
+               (p["model_v"] - psi + p["model_c"]**2 * curve) / gamma - self.sd * (eta - F) - D @ eta]
         if self.d == 3:
             out.append(self.law.rate(psi, s) - D @ s)
         return np.concatenate(out)
@@ -109,9 +107,9 @@ class Train:
         D = self.D / self.period + (1j * theta / self.period * I if theta else 0)
         second = D @ D / self.V**2
         F_psi, F_s, g_psi, g_s = (np.diag(v) for v in self.law.slopes(psi, s))
-        nu, gamma, c2 = p.get("model_nu", 0), p["model_gamma"], p["model_c"]**2
-        rows = [[-gamma * F_psi + nu * second - D, gamma * I, -gamma * F_s],
-                [(c2 * second - I) / gamma + self.sd * (F_psi - nu / gamma * second), -self.sd * I - D, self.sd * F_s]]
+        gamma, c2 = p["model_gamma"], p["model_c"]**2
+        rows = [[-gamma * F_psi - D, gamma * I, -gamma * F_s],
+                [(c2 * second - I) / gamma + self.sd * F_psi, -self.sd * I - D, self.sd * F_s]]
         if self.d == 3:
             rows.append([g_psi, 0 * I, g_s - D])
         return np.block([row[:self.d] for row in rows])

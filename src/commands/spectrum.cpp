@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/progress.hpp"
+#include "base/pulse.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"

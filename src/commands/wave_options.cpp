@@ -18,15 +18,6 @@ TrainRequest train_request(const Options& options) {
 void check_branch(const Options& options) {
   check_continuation(options, "wave");
   check_continuation(options, "wave", "2");
-  for (const char* second : {"", "2"}) {  // at 0 the equation of a train is one of lower order
-    const std::string asked = "wave_continue" + std::string(second), end = "wave_to" + std::string(second);
-    if (options.is_set(asked) && options.text(asked) == "model_nu" &&
-        !(options.real("model_nu") > 0 && options.real(end) > 0))
-      throw UsageError(
-          asked +
-          " model_nu: begin and end above 0, since at 0 a train obeys an equation of lower order (model_nu " +
-          options.text("model_nu") + ", " + end + " " + options.text(end) + ")");
-  }
   if (!options.is_set("wave_continue2")) return;
   const std::string name = options.text("wave_continue"), name2 = options.text("wave_continue2");
   if (!options.is_set("wave_continue"))

@@ -128,7 +128,7 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitLine>& lines,
                                 std::vector<std::string>& notes) {
   const TrainFamily2 family{axes_[0].name, axes_[1].name, [&](double x, double y2) {
                               const Scene here = scene(x, y2);
-                              return TrainCase{here, {pulses_, here.length, {}, false}};
+                              return TrainCase{here, {pulses_, here.length, {}}};
                             }};
   const TrainFamily slice{axes_[0].name, [&](double x) { return family.at(x, y); }};
   const auto known = [&](const TrainLimit& limit) {

@@ -18,7 +18,7 @@ class TrainPath : public BranchPath {
   TrainPath(std::function<TrainCase(double)> cases, const Train& first, double from, double range)
       : z_scale_(ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1]),
         range_(range),
-        cases_(std::move(cases)), there_{{PeriodicEquations(first.mesh, fields_of(cases_, from), from, range),
+        cases_(std::move(cases)), there_{{PeriodicEquations(first.mesh, fields_of(cases_), from, range),
                                           {}},
                                          {}},
         here_(there_) {
@@ -109,7 +109,7 @@ class TrainWalk : public Continuation {
     const double a1 = std::pow(range(last.train), 2), a2 = std::pow(range(train), 2);
     const double hopf = a1 != a2 ? (next_.value * a1 - last.value * a2) / (a1 - a2) : next_.value;
     return "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
-           (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
+           ", where sliding becomes stable";
   }
   End accepted() override {
     if (next_.fold) heading_ = -heading_;
@@ -129,8 +129,7 @@ class TrainWalk : public Continuation {
 // Throws Failure for an option that does not enter a train of given length.
 void check_that_it_enters(const TrainFamily& family, double from, double to) {
   const TrainField start(family.at(from)), moved(family.at(from + .01 * (to - from)));
-  if (moved.oscillator()->A() == start.oscillator()->A() && moved.anchor() == start.anchor() &&
-      moved.N() == start.N())
+  if (moved.oscillator()->A() == start.oscillator()->A() && moved.anchor() == start.anchor())
     throw Failure("wave_continue " + family.name + ": this option does not enter the train");
 }
 

@@ -56,8 +56,6 @@ SpectralLine::SpectralLine(Transfer& transfer, double sigma)
     top_ = 1.3 * louder;
     closed_ = quiet_beyond(louder);
   }
-  separate_ = seen_separate();
-  closed_ = closed_ && separate_;
   if (!closed_) return;  // too far left: no frequency seems high enough
   scan();
   trace_arcs();
@@ -74,18 +72,6 @@ bool SpectralLine::quiet_beyond(double& louder) {
     if (size(sample(omega), 0) > 0) louder = omega;
   }
   return louder == 0;
-}
-
-bool SpectralLine::seen_separate() {
-  if (!(transfer_.train().nu > 0)) return true;
-  constexpr int places = 80;
-  const double right = std::max(transfer_.damping().usual, 2 * std::abs(sigma_));
-  try {
-    for (int k = 0; k <= places; ++k) transfer_.at(sigma_ + (right - sigma_) * k * k / (places * places));
-  } catch (const Failure&) {
-    return false;
-  }
-  return true;
 }
 
 bool SpectralLine::matched(const Sample& a, const Sample& b) const {

@@ -34,7 +34,6 @@ class SpectralLine {
   double top() const { return top_; }  // samples reach from -top to top (Im lambda)
   // With viscosity: no multiplier was seen to meet the one that is left out (transfer.hpp), on the real axis
   // right of the line. Where they meet, the phases of an arc are not those of its curve.
-  bool separate() const { return separate_; }
   // No wave beyond the samples was seen to grow faster than the line, and all samples matched their
   // neighbours.
   bool closed() const { return closed_; }
@@ -53,13 +52,12 @@ class SpectralLine {
   bool matched(const Sample& a, const Sample& b) const;
   void scan();
   bool quiet_beyond(double& louder);
-  bool seen_separate();
   ArcPoint crossing(const Sample& a, int i, const Sample& b, int j);
   void trace_arcs();
 
   Transfer& transfer_;
   double sigma_, top_, period_;
-  bool closed_ = true, separate_ = true;
+  bool closed_ = true;
   std::vector<Sample> samples_;
   std::vector<Arc> arcs_;
 };

@@ -30,6 +30,13 @@ bool plain_cubic(const Scene& scene) { return Friction::of(scene.friction)->van_
 
 }  // namespace
 
+void refuse_viscosity(const Scene& scene) {
+  if (scene.nu > 0)
+    throw UsageError("model_nu " + rounded_text(scene.nu, 8) +
+                     ": trains are solved for without viscosity between neighbours; set model_nu to 0, or "
+                     "let a run settle on one");
+}
+
 void check_train_scene(const Scene& scene) {
   if (scene.form == Form::chain)
     throw UsageError(
@@ -38,11 +45,11 @@ void check_train_scene(const Scene& scene) {
   if (scene.spread > 0)
     throw UsageError("friction_spread " + rounded_text(scene.spread, 8) +
                      ": a train travels through a uniform medium only; set friction_spread to 0");
+  refuse_viscosity(scene);
   (void)Oscillator(scene);  // refuses a law that jumps, and profiles
 }
 
 double shortest_pulse(const Scene& scene) {
-  if (scene.nu > 0) return std::nan("");
   return plain_cubic(scene) ? cubic_shortest(scene) : scene.c == 0 ? 0 : std::nan("");
 }
 
@@ -129,7 +136,6 @@ std::optional<Train> fastest_of_length(const SharedTrain& field, double c, doubl
 Train solve_train(const Scene& scene, const TrainRequest& request, double tolerance) {
   check_train_scene(scene);
   check_request(scene, request);
-  if (scene.nu > 0) return solve_viscous_train(scene, request, tolerance);
   const auto field = std::make_shared<const TrainField>(scene, request);
   if (request.speed) {
     const Orbit orbit = orbit_at(*field, field->r2());

@@ -12,32 +12,18 @@ using std::size_t;
 
 const TrainCase& checked(const TrainCase& asked) {
   const TrainRequest& request = asked.request;
+  refuse_viscosity(asked.scene);
   if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
   if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
   return asked;
-}
-
-// The values of a viscous train: f, a z from which eta follows as it does without viscosity, and s.
-std::vector<double> without_slope(const Oscillator& o, double r2, const std::vector<double>& y) {
-  const size_t d = o.dim();
-  std::vector<double> values;
-  for (size_t k = 0; k < y.size(); k += d + 1) {
-    double dy[train_max_dim];
-    o.rhs(1, &y[k], dy, nullptr);
-    values.push_back(y[k]);
-    // eta = z + (K1/V^2) g - (s delta/A) f, put into Oscillator::eta and solved for its z
-    values.push_back(y[k + 1] + (1 - r2) * (r2 * y[k + d] - dy[0]) / o.A());
-    if (d == 3) values.push_back(y[k + 2]);
-  }
-  return values;
 }
 
 }  // namespace
 
 TrainField::TrainField(const TrainCase& asked) : TrainField(checked(asked).scene, asked.request) {}
 
-TrainField::TrainField(std::shared_ptr<const Oscillator> oscillator, const TrainRequest& request, double N)
-    : oscillator_(std::move(oscillator)), request_(request), N_(N) {
+TrainField::TrainField(std::shared_ptr<const Oscillator> oscillator, const TrainRequest& request)
+    : oscillator_(std::move(oscillator)), request_(request) {
   if (!request.speed) return;
   const double V = std::abs(*request.speed), c = std::sqrt(oscillator_->c2());
   speed_ = V;
@@ -60,41 +46,18 @@ double TrainField::number_of(const Train& train) const {
   return request_.speed ? std::log(train.period) : .5 * std::log((V - c) * (V + c));
 }
 
-void TrainField::rates(const double* y, double* dy, double* J) const {
-  if (!(N_ > 0)) {
-    oscillator_->rhs(r2_, y, dy, J);
-    return;
-  }
-  const int d = oscillator_->dim(), n = d + 1;
-  const double stiffness = stiff().rate;
-  double inner[train_max_dim * train_max_dim];
-  oscillator_->rhs(1, y, dy, J ? inner : nullptr);
-  dy[d] = stiffness * (r2_ * y[d] - dy[0]);
-  dy[0] = y[d];
-  if (!J) return;
-  std::fill(J, J + n * n, 0.);
-  for (int j = 0; j < d; ++j) {
-    J[d * n + j] = -stiffness * inner[j];
-    for (int i = 1; i < d; ++i) J[i * n + j] = inner[i * d + j];
-  }
-  J[d] = 1;
-  J[d * n + d] = stiffness * r2_;
-}
-
 VectorField::Period TrainField::period(double q) const {
   if (request_.speed) return VectorField::period(q);
   const double T = *request_.length / (double(request_.pulses) * speed_);
   return {T, -T * r2_};
 }
 
-void TrainField::add_slope(const double* y, const double* f, double* slope) const {
+void TrainField::add_slope(const double*, const double* f, double* slope) const {
   if (request_.speed) return;
-  const auto [k, rate] = stiff();
-  slope[k] += N_ > 0 ? 2 * speed_q_ / speed_ * f[k] + rate * r2_q_ * y[k] : -r2_q_ / r2_ * f[k];
+  slope[0] += -r2_q_ / r2_ * f[0];
 }
 
 VectorField::Stiff TrainField::stiff() const {
-  if (N_ > 0) return {oscillator_->dim(), speed_ * speed_ / N_ / oscillator_->A()};
   return {0, oscillator_->A() / r2_};
 }
 
@@ -113,22 +76,14 @@ std::vector<Condition> train_conditions(int dim, const std::vector<double>& row,
   return conditions;
 }
 
-FieldFamily fields_of(std::function<TrainCase(double)> cases, double start) {
-  const int dim = TrainField(cases(start)).dim();
-  return [cases = std::move(cases), dim](double lambda) -> SharedField {
-    auto field = std::make_shared<const TrainField>(cases(lambda));
-    if (field->dim() != dim) throw Failure("model_nu comes down to 0");
-    return field;
+FieldFamily fields_of(std::function<TrainCase(double)> cases) {
+  return [cases = std::move(cases)](double lambda) -> SharedField {
+    return std::make_shared<const TrainField>(cases(lambda));
   };
 }
 
 std::function<void(double, double*)> profile_of(const Train& train) {
-  return [&train](double phase, double* y) {
-    if (train.nu > 0)
-      evaluate(*train.method, train.mesh, train.viscous_values.data(), train.oscillator->dim() + 1, phase, y);
-    else
-      train.at(phase, y);
-  };
+  return [&train](double phase, double* y) { train.at(phase, y); };
 }
 
 Train pack(const TrainField& family, const TrainSolution& solution) {
@@ -145,12 +100,7 @@ Train pack(const TrainField& family, const TrainSolution& solution) {
   train.oscillator = field.oscillator();
   train.method = &Collocation::gauss5();
   train.mesh = solution.mesh();
-  train.nu = field.N() * train.oscillator->A();
   train.values.assign(solution.x.begin(), solution.x.end() - solution.equations.parameters());
-  if (field.N() > 0) {
-    train.viscous_values = std::move(train.values);
-    train.values = without_slope(*train.oscillator, train.r2, train.viscous_values);
-  }
   find_extrema(train);
   train.residual = solution.residual;
   return train;

@@ -1,12 +1,7 @@
 // A train in the frame that moves with it, as a periodic solution of a system: what of it is fixed, and the
 // one number that is sought with it.
 //
-// Without viscosity the system is that of model/oscillator.hpp, y = (f, z[, s]). With psi(x, t) = f(t - x/V)
-// viscosity between neighbours adds (N/V^2) f'' to the force on a node, so that in t alone (r2 = 1 - c^2/V^2)
-//     f' = g,   g' = (V^2/N) [r2 g/A - z + Bd f + F(f, s)],   z' = K0 (v - f),   s' = g(f, s)
-// for y = (f, z[, s], g), one order more: deviations that grow at about r2 V^2/(A N) stand beside those that
-// decay, which a method that goes along t cannot follow and collocation over a period can. |V| > c holds as
-// before (multiply the equation of psi by f - v and integrate over a period). Alike on every rank.
+// The system is that of model/oscillator.hpp, y = (f, z[, s]). Alike on every rank.
 #pragma once
 
 #include <cmath>
@@ -26,10 +21,10 @@ namespace stickslip {
 class TrainField : public VectorField {
  public:
   TrainField(const Scene& scene, const TrainRequest& request)
-      : TrainField(std::make_shared<const Oscillator>(scene), request, scene.nu > 0 ? scene.N() : 0) {}
+      : TrainField(std::make_shared<const Oscillator>(scene), request) {}
   // The train of a case which has trains at all; Failure for others.
   explicit TrainField(const TrainCase& asked);
-  TrainField(std::shared_ptr<const Oscillator> oscillator, const TrainRequest& request, double N);
+  TrainField(std::shared_ptr<const Oscillator> oscillator, const TrainRequest& request);
 
   // That of a number q; speed() and r2() and all rates are known of it, or where the speed is given.
   TrainField placed(double q) const;
@@ -37,15 +32,14 @@ class TrainField : public VectorField {
 
   const std::shared_ptr<const Oscillator>& oscillator() const { return oscillator_; }
   const TrainRequest& request() const { return request_; }
-  double N() const { return N_; }
   double speed() const { return speed_; }  // |V|
   double r2() const { return r2_; }
 
-  int dim() const override { return oscillator_->dim() + (N_ > 0); }
-  void rates(const double* y, double* f) const override { rates(y, f, nullptr); }
+  int dim() const override { return oscillator_->dim(); }
+  void rates(const double* y, double* f) const override { oscillator_->rhs(r2_, y, f, nullptr); }
   void jacobian(const double* y, double* J) const override {
-    double f[train_max_dim + 1];
-    rates(y, f, J);
+    double f[train_max_dim];
+    oscillator_->rhs(r2_, y, f, J);
   }
   SharedField at(double q) const override {
     return request_.speed ? nullptr : std::make_shared<const TrainField>(placed(q));
@@ -53,17 +47,12 @@ class TrainField : public VectorField {
   Period period(double q) const override;
   void add_slope(const double* y, const double* f, double* slope) const override;
   double anchor() const override { return oscillator_->v(); }
-  double unit(int component) const override {  // the last of a viscous train is a slope of f
-    return oscillator_->scale(component < oscillator_->dim() ? component : 0);
-  }
+  double unit(int component) const override { return oscillator_->scale(component); }
   Stiff stiff() const override;
 
  private:
-  void rates(const double* y, double* f, double* J) const;
-
   std::shared_ptr<const Oscillator> oscillator_;
   TrainRequest request_;
-  double N_;  // viscosity between neighbours
   double speed_ = 0, r2_ = 0, speed_q_ = 0, r2_q_ = 0;
 };
 
@@ -73,9 +62,10 @@ using SharedTrain = std::shared_ptr<const TrainField>;
 // f(0) = v; on a branch beside it row . (z(0), q, lambda) = right.
 std::vector<Condition> train_conditions(int dim);
 std::vector<Condition> train_conditions(int dim, const std::vector<double>& row, double right);
-// The trains of a family. Throws Failure where viscosity comes in or goes, and with it the order of the
-// equation.
-FieldFamily fields_of(std::function<TrainCase(double)> cases, double start);
+// Throws UsageError where neighbours resist each other: the equation of a train is of third order then.
+void refuse_viscosity(const Scene& scene);
+// The trains of a family.
+FieldFamily fields_of(std::function<TrainCase(double)> cases);
 
 // All unknowns of a train by phase; as long as it lives.
 std::function<void(double, double*)> profile_of(const Train& train);
@@ -88,8 +78,5 @@ bool newton(TrainSolution& s, const std::vector<Condition>& conditions, int most
 bool solve_train_on_mesh(TrainSolution& s);
 // As good as asked for, from a solution; nothing where Newton's method does not converge on finer meshes.
 std::optional<Train> train_to_accuracy(TrainSolution start, double tolerance, const std::string& what);
-
-// As solve_train(), which calls it where the scene has viscosity.
-Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance);
 
 }  // namespace stickslip

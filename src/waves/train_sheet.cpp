@@ -9,7 +9,7 @@ namespace stickslip {
 
 PeriodicEquations TrainSheet::equations(const SheetPlace& p) const {
   const auto cases = [at = family_.at, value2 = p.value2](double value) { return at(value, value2); };
-  return {p.mesh, fields_of(cases, p.value()), p.value(), value_scale_};
+  return {p.mesh, fields_of(cases), p.value(), value_scale_};
 }
 
 SheetPlace TrainSheet::place(const Train& train, double value, double value2) const {

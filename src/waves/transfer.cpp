@@ -15,15 +15,12 @@ namespace stickslip {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr int stages = 5, max_dim = train_max_dim + 1;  // one more with viscosity
+constexpr int stages = 5, max_dim = train_max_dim;
 constexpr double longest_phase = 1.5;  // of the waves in one interval: the five points give 1e-9 then
 constexpr double dead = 30;            // a wave that has decayed by exp(-dead) need not be resolved
 // relative change of C + lambda in its own time from which on they are made
 constexpr double made = 3e-4;
 constexpr double stiff = 8;  // decay in an interval beyond which Radau IIA takes over from Gauss
-constexpr double longest_growth =
-    1000;  // exponent, in an interval, of what viscosity lets grow: Gauss makes it exp(60/that)
-constexpr double least_apart = 1;  // of its ln |multiplier| from the next
 constexpr size_t most_intervals = 60000;
 constexpr size_t together = kernel::lanes;  // intervals that are solved for at once
 constexpr int lowest_level = -20;           // the coarsest mesh is for frequencies from 0 to 2^lowest_level
@@ -35,22 +32,8 @@ class TransferMesh {
  public:
   TransferMesh(const Train& train, double frequency, int refine)
       : d_(train.oscillator->dim()), T_(train.period), r2_(train.r2), V_(std::abs(train.speed)),
-        c2_(train.oscillator->c2()), A_(train.oscillator->A()), nu_(train.nu) {
-    if (nu_ > 0)
-      divide_viscous(train, frequency, refine);
-    else
-      divide_plain(train, frequency, refine);
-  }
-
-  int dim() const { return d_ + (nu_ > 0); }
-
-  // With viscosity: all multipliers, largest modulus first, and infinite where they are too large for a
-  // number.
-  std::vector<Complex> viscous_multipliers(Complex lambda) const {
-    const int n = dim();
-    std::vector<Complex> phi(step_.size() * size_t(n * n));
-    for (size_t i = 0; i < step_.size(); i += together) transfer(i, lambda, &phi[i * size_t(n * n)]);
-    return multipliers_of(n, pencil_of(n, phi));
+        c2_(train.oscillator->c2()), A_(train.oscillator->A()) {
+    divide_all(train, frequency, refine);
   }
 
   void monodromy(Complex lambda, Complex* Y, double& log_scale) const {
@@ -95,7 +78,7 @@ class TransferMesh {
     return least;
   }
 
-  void divide_plain(const Train& train, double frequency, int refine) {
+  void divide_all(const Train& train, double frequency, int refine) {
     const double cV = std::sqrt(c2_) / V_;
     // waves that run against the train and with it, in xi
     const double slow = frequency / (1 + cV) * T_, fast = frequency * (1 + cV) / r2_ * T_;
@@ -127,25 +110,6 @@ class TransferMesh {
       }
   }
 
-  // Pieces short enough for waves of the frequency and for the growth of what the train itself does not show.
-  void divide_viscous(const Train& train, double frequency, int refine) {
-    const double cV = std::sqrt(c2_) / V_, lambda = frequency / cV;
-    const double wave =
-        T_ * std::min(frequency * (1 + cV) / r2_, V_ * V_ / nu_ + V_ * std::sqrt(lambda / nu_) + lambda);
-    std::vector<double> J(size_t(stages * d_ * d_));
-    for (size_t i = 0; i < train.intervals(); ++i) {
-      const double at = train.mesh[i], h = train.mesh[i + 1] - at;
-      double range;
-      const double least = jacobians(train, at, h, Collocation::gauss5(), J.data(), &range);
-      const double C = std::max(0., r2_ * (least + range) / (h * T_));
-      const double growth = V_ * V_ / (2 * nu_) * (r2_ + std::sqrt(r2_ * r2_ + 4 * nu_ * C / (V_ * V_))) * T_;
-      divide(train, at, h, std::max(wave, growth * longest_phase / longest_growth), refine, 0);
-      if (step_.size() > most_intervals * size_t(refine))
-        throw Failure("the spectrum needs too fine a mesh: model_nu " + rounded_text(nu_) +
-                      " is too small for it");
-    }
-  }
-
   // Equal pieces short enough for a wave that turns by `frequency` a unit of phase.
   void divide(const Train& train, double at, double h, double frequency, int refine, double decay) {
     if (!(h > 0)) return;
@@ -162,35 +126,20 @@ class TransferMesh {
     jacobians(train, at, h, rule, &J_[J_.size() - size_t(stages * d_ * d_)]);
   }
 
-  // The matrix of Q' = M Q from a Jacobian: (P, Z[, S]), or (P, Z[, S], G) with viscosity.
+  // The matrix of Q' = M Q from a Jacobian: (P, Z[, S]).
   void matrix(const double* J, Complex lambda, Complex* M) const {
-    const int d = d_, n = dim();
+    const int d = d_;
     const Complex wave = lambda / V_;
-    std::fill(M, M + n * n, 0.);
-    for (int a = 0; a < d; ++a)
-      for (int b = 0; b < d; ++b) M[a * n + b] = J[a * d + b];
-    M[n] += c2_ / A_ * product(wave, wave);
-    if (nu_ == 0) {
-      M[0] -= 2 * c2_ / (V_ * r2_) * wave;
-      return;
-    }
-    const double stiffness = V_ * V_ / nu_;
-    std::fill(M, M + n, 0.);
-    M[d] = 1;
-    M[d * n] = -stiffness * (r2_ * J[0] - 2 * c2_ / V_ * wave + nu_ * product(wave, wave));
-    M[d * n + 1] = -stiffness * A_;
-    if (d == 3) M[d * n + 2] = -stiffness * r2_ * J[2];
-    M[d * n + d] = stiffness * (r2_ + 2 * nu_ / V_ * wave);
+    for (int k = 0; k < d * d; ++k) M[k] = J[k];
+    M[d] += c2_ / A_ * product(wave, wave);
+    M[0] -= 2 * c2_ / (V_ * r2_) * wave;
   }
 
   // y at the end of an interval from y at its beginning, for `together` intervals from the first on, if there
   // are so many.
   void transfer(size_t first, Complex lambda, Complex* phi) const {
-    switch (dim()) {
-      case 2: return transfer_of<2>(first, lambda, phi);
-      case 3: return transfer_of<3>(first, lambda, phi);
-      default: return transfer_of<max_dim>(first, lambda, phi);
-    }
+    if (d_ == 2) return transfer_of<2>(first, lambda, phi);
+    transfer_of<max_dim>(first, lambda, phi);
   }
   template <int d>
   void transfer_of(size_t first, Complex lambda, Complex* phi) const {
@@ -261,7 +210,7 @@ class TransferMesh {
   }
 
   int d_;
-  double T_, r2_, V_, c2_, A_, nu_;
+  double T_, r2_, V_, c2_, A_;
   std::vector<double> step_;
   std::vector<const Collocation*> rule_;
   std::vector<double> J_;
@@ -277,25 +226,12 @@ const TransferMesh& Transfer::mesh_for(double frequency) {
   return *slot;
 }
 
-Multipliers Transfer::viscous_at(const TransferMesh& mesh, Complex lambda) {
-  const std::vector<Complex> roots = mesh.viscous_multipliers(lambda);
-  const auto log_of = [](Complex root) { return std::log(std::abs(root) > 1e-300 ? root : Complex(1e-300)); };
-  Multipliers m;
-  for (size_t k = 1; k < roots.size(); ++k) m.log_rho[m.count++] = log_of(roots[k]);
-  // not (...): an infinite one is apart
-  if (std::abs(roots[0]) < std::exp(m.log_rho[0].real() + least_apart))
-    throw Failure("the multiplier that viscosity adds is not larger than all others at lambda = " +
-                  rounded_text(lambda.real(), 6) + " + " + rounded_text(lambda.imag(), 6) + " i");
-  return m;
-}
-
 Multipliers Transfer::at(Complex lambda) {
   beat("transfers round a train");
   const int d = train_.oscillator->dim();
   Complex Y[max_dim * max_dim];
   double log_scale, size = 0;
   const TransferMesh& mesh = mesh_for(std::sqrt(train_.oscillator->c2()) * std::abs(lambda / train_.speed));
-  if (train_.nu > 0) return viscous_at(mesh, lambda);
   mesh.monodromy(lambda, Y, log_scale);
   for (int k = 0; k < d * d; ++k) size = std::max(size, std::abs(Y[k]));
   for (int k = 0; k < d * d; ++k) Y[k] /= size;
@@ -364,11 +300,6 @@ double Transfer::top_frequency(double growth) const {
     const double room = mean / 2 + growth;
     if (room > 0) top = std::min(top, (square / 4 + variation / (2 * train_.period)) / (2 * room));
   }
-  // viscosity takes nu k^2/2 from a wave: twice as much as friction gives it, and as the line stands to the
-  // left
-  if (train_.nu > 0)
-    top = std::min(top,
-                   std::sqrt(train_.oscillator->c2() * 4 * (damping().usual + std::abs(growth)) / train_.nu));
   return std::max(4 * own, top);
 }
 

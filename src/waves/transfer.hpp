@@ -9,14 +9,6 @@
 //     Z' = (J10 + K1 Lambda^2) P
 //     S' = g_psi P + g_s S
 // For V -> infinity at fixed Lambda it becomes the uniform oscillation's Floquet-Bloch problem.
-//
-// With viscosity between neighbours (nu = A N; waves/viscous_train.hpp) P' = G, and
-//     G' = (V^2/nu) [(r2 + 2 nu Lambda/V) G - A Z - (r2 J00 - 2 c^2 Lambda/V + nu Lambda^2) P - r2 J02 S]
-// and one multiplier more, which is exp[(V^2 - c^2) T/nu] or so and larger than all others. Of the solutions
-// exp[lambda t + m (t - x/V)] of short waves, V m = nu m^2 - lambda or so, one has Re m > 0 wherever Re
-// lambda > 0: that multiplier stays outside of the unit circle and belongs to no mode. It is left out;
-// Failure where another is as large. Right of all modes none is; further left they may meet
-// (SpectralLine::separate).
 #pragma once
 
 #include <complex>
@@ -46,9 +38,7 @@ struct TrainDamping {
 class TransferMesh;
 
 // The multipliers of a train by collocation (five stages), on the train's mesh with its intervals divided
-// where a wave of this lambda is fast: Gauss, and Radau IIA where P follows Z at once. With viscosity Gauss,
-// its intervals short enough for what grows, and the chain of intervals reduced by orthogonal transformations
-// (numerics/periodic_equations.hpp), which keeps the digits of what does not. Not collective.
+// where a wave of this lambda is fast: Gauss, and Radau IIA where P follows Z at once. Not collective.
 class Transfer {
  public:
   Transfer(const Train& train, int refine);  // refine: every interval is divided into so many pieces at least
@@ -63,7 +53,6 @@ class Transfer {
 
  private:
   const TransferMesh& mesh_for(double frequency);
-  static Multipliers viscous_at(const TransferMesh& mesh, std::complex<double> lambda);
   const Train& train_;
   int refine_;
   std::map<int, std::unique_ptr<TransferMesh>> meshes_;  // for frequencies c |Lambda| up to 2^key

@@ -35,7 +35,7 @@ double carrier_scale(const Train& train, Complex lambda) {
 // one.
 bool short_waves_grow(const Transfer& transfer, TrainSpectrum& out) {
   const double mean = transfer.damping().mean;
-  if (mean > 0 || transfer.train().nu > 0) return false;  // viscosity makes them decay
+  if (mean > 0) return false;
   out.growth_rate = out.growth_bound = out.infinite_growth = -mean / 2;
   out.known = out.infinite_known = true;
   out.completeness_check =
@@ -249,17 +249,14 @@ RootSearch search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
 
 // How far left of 0 a line may stand. Short waves decay at half the mean of C, without its peaks (at small
 // psi) those that the peaks hold still. Near V = c waves that run with the train grow where C < -Re lambda,
-// by exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large. With viscosity the shortest waves creep
-// back at c^2/nu, and the mean of C may be negative.
+// by exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large.
 double depth_of(const Transfer& transfer) {
   const TrainDamping damping = transfer.damping();
   double most = 4 * damping.usual, mean = transfer.damping_within(most);
   while (mean < .01 * damping.usual && most < 1e9 * damping.usual) mean = transfer.damping_within(most *= 4);
   const Train& train = transfer.train();
   const double at_fronts = std::sqrt(train.r2 * damping.slope) / 2;
-  if (!(train.nu > 0)) return std::min(mean / 4, at_fronts);
-  const Oscillator& o = *train.oscillator;
-  return std::min({std::max(mean / 4, std::sqrt(o.A() * o.K0()) / 20), at_fronts, o.c2() / (4 * train.nu)});
+  return std::min(mean / 4, at_fronts);
 }
 
 // A line so far left that the modes wanted stand right of it, or one besides the translation at least, for
@@ -283,10 +280,7 @@ RootSearch best_search(Transfer& coarse, Transfer& fine, int wanted) {
 }
 
 // What keeps a line from counting.
-std::string trouble_of(const SpectralLine& line) {
-  return line.separate() ? "waves of higher frequency grow faster than that"
-                         : "with this viscosity multipliers meet right of it";
-}
+constexpr const char* trouble = "waves of higher frequency grow faster than that";
 
 // The growth rate and what follows from it: a mode that grows makes the train unstable, whatever else was not
 // found; only a list that is whole makes it stable.
@@ -343,7 +337,7 @@ std::vector<int> growing_modes(const Train& train) {
   if (short_waves_grow(transfer, out)) return counts;
   // right of what a kink of the friction leaves of the translation's 0
   const SpectralLine line(transfer, std::max(growing_line, 3 * error_of_translation(transfer)));
-  if (!line.closed()) throw Failure("the growing modes of the train are not known: " + trouble_of(line));
+  if (!line.closed()) throw Failure(std::string("the growing modes of the train are not known: ") + trouble);
   for (std::size_t m = 0; m < counts.size(); ++m)
     counts[m] = int(std::min<long long>(line.count(train.pulses, PetscInt(m)), 1 << 30));
   return counts;
@@ -374,7 +368,7 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
       "found{}",
       line.sigma(), line.top(), found.counted,
       out.complete && size < found.counted ? "the rightmost " : "", size,
-      line.closed() ? "" : "; " + trouble_of(line));
+      line.closed() ? "" : std::string("; ") + trouble);
   if (!out.complete) warn("the spectrum of the train is not complete: " + out.completeness_check);
   judge(found, out);
   fill_infinite_train(train, found.curves, out);

@@ -25,8 +25,6 @@ def draw(rng):
     p = {"model_gamma": float(np.exp(uniform(0, 2))), "model_c": uniform(0.5, 1.8), "model_v": uniform(0.3, 1),
          "model_delta": float(rng.choice([0, uniform(0, 0.15)])), "model_delta_sign": str(rng.choice(["derived", "printed"])),
          "friction_law": law, "state_law": "none"}
-    if rng.random() < 0.25:
-        p["model_nu"] = float(np.exp(uniform(-5, -1)))
     if law == "rate-and-state":
         a = uniform(0.1, 0.18)
         p |= {"model_gamma": uniform(3, 9), "model_v": uniform(0.5, 1), "friction_a": a, "friction_b": a * uniform(1.4, 1.9),

@@ -32,8 +32,6 @@ struct TrainCase {
 struct Train : PeriodicMotion {
   PetscInt pulses = 1;
   double speed = 0, length = 0;
-  double nu = 0;                       // viscosity between neighbours
-  std::vector<double> viscous_values;  // with it: all unknowns of its equation, at the points of `values`
   double psi_min = 0, psi_max = 0;
   double residual = 0;  // largest residual of the collocation equations, in units of psi and eta
   // of the speed or the length, whichever was solved for; absolute, not below round-off
@@ -49,11 +47,12 @@ void find_extrema(Train& train);
 Train solve_train(const Scene& scene, const TrainRequest& request, double tolerance = 1e-10);
 
 // The length below which no train of large amplitude fits a pulse: V T as V -> c. In closed form for the
-// cubic law, without a state and without viscosity; NaN otherwise, where it takes an orbit at V = c to say
+// cubic law without a state; NaN otherwise, where it takes an orbit at V = c to say
 // (and there may be none).
 double shortest_pulse(const Scene& scene);
 
-// Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).
+// Throws UsageError where the scene cannot carry a smooth train (chain, spread, viscosity between
+// neighbours, a law that jumps).
 void check_train_scene(const Scene& scene);
 
 }  // namespace stickslip
