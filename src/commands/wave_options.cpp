@@ -18,6 +18,10 @@ TrainRequest train_request(const Options& options) {
 void check_branch(const Options& options) {
   check_continuation(options, "wave");
   check_continuation(options, "wave", "2");
+  for (const char* asked : {"wave_continue", "wave_continue2"})
+    if (options.is_set(asked) && options.text(asked) == "model_nu")
+      throw UsageError(std::string(asked) +
+                       " model_nu: trains are solved for without viscosity between neighbours");
   if (!options.is_set("wave_continue2")) return;
   const std::string name = options.text("wave_continue"), name2 = options.text("wave_continue2");
   if (!options.is_set("wave_continue"))
