@@ -2,8 +2,7 @@
 
     STICKSLIP=build/stickslip python3 tests/kills.py --cases 1000 --state kills.json     (or ./check kills)
 
-Of ten cases six are a `run` with frames, probes and series, and one kind of further output, on 1 to 4 ranks, some with
--out_writers root:
+Of ten cases six are a `run` with frames, probes and series, and one kind of further output, on 1 to 4 ranks:
   - kill -9 of all ranks or of one at a random moment, or inside a write: of all calls by which the program changes
     files (pwrite, rename, ftruncate, fsync, unlink, posix_fallocate) a random one is the last, and of a pwrite only a
     part of the bytes arrives; or SIGTERM, SIGINT, or -ts_max_wall;
@@ -40,7 +39,7 @@ from volume import Kept
 # rk:3bs goes on bitwise from any checkpoint, whether or not the uninterrupted run has one there
 SCENE = "-grid_n 300 -init_type sine -ts_type rk -ts_rk_type 3bs -out_probes 0,10.3,45 -out_checkpoint_every 60"
 LENGTH = {1: "-ts_max_time 12 -out_frames 601", 2: "-ts_max_time 6 -out_frames 301"}  # by ranks, 2 or more
-MORE = ["", "", "-out_writers root", "-out_displacement true", "-out_events true", "-out_series false",
+MORE = ["", "", "-out_displacement true", "-out_events true", "-out_series false",
         "-out_maxima 1", "-friction_law coulomb -friction_stick regularised -friction_eps 0.1"]
 # on one rank: only what slides is advanced
 CLUSTERS = ("-ts_rk_type 5dp -stick_clusters on -model_form chain -model_m 1 -model_k0 1 -model_k1 4 -model_f0 1 -model_v 0.02"

@@ -17,7 +17,9 @@
 #include <limits>
 #include <sstream>
 
+#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
+#include "base/scatter.hpp"
 #include "catch.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/root.hpp"
@@ -121,8 +123,9 @@ RunLayout some_layout(std::size_t n, std::int64_t frames) {
   layout.slab = Slab::even(PETSC_COMM_WORLD, std::int64_t(n));
   layout.x = [](std::int64_t node) { return 0.1 * double(node); };
   layout.fields = {standard_field("psi"), standard_field("eta")};
-  layout.probe_x = {0.25, 0.5};
-  layout.series = {{"psi_mean", "length/time", "mean"}, {"dt", "time", "step"}};
+  layout.groups = {
+      {"probes", standard_field("t"), {standard_field("psi"), standard_field("eta")}, {0.25, 0.5}},
+      {"series", standard_field("t"), {{"psi_mean", "length/time", "mean"}, {"dt", "time", "step"}}}};
   layout.frames = frames;
   return layout;
 }
@@ -475,7 +478,7 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
   }
   RunLayout layout = some_layout(n, 12);
   layout.fields.push_back(standard_field("chi"));
-  layout.probe_x = {0.5, 0.75};
+  layout.groups[0].places = {0.5, 0.75};
   {
     RunFile file(PETSC_COMM_WORLD, path, some_provenance(), layout, RunFile::Resume{path, 3});
     CHECK(file.frames() == 4);
@@ -522,9 +525,10 @@ TEST_CASE("run layout: coefficients, friction and stability of uniform sliding f
   CHECK(layout.numbers.at("K1") == 1. / 3);
   CHECK(layout.numbers.at("s_delta") == -0.2);
   CHECK(layout.numbers.at("steady_eta") == Approx(scene.v * scene.v * scene.v / 3 - scene.v));
-  const auto at = std::find(layout.friction_psi.begin(), layout.friction_psi.end(), 1.5);
-  REQUIRE(at != layout.friction_psi.end());
-  CHECK(layout.friction_F[std::size_t(at - layout.friction_psi.begin())] ==
+  const FixedTable& friction = layout.tables.at(0);
+  const auto at = std::find(friction.at.begin(), friction.at.end(), 1.5);
+  REQUIRE(at != friction.at.end());
+  CHECK(friction.columns[0].second[std::size_t(at - friction.at.begin())] ==
         Approx(1.5 * 1.5 * 1.5 / 3 - 1.5));
 
   // Rate and state with inertia: stable iff K > (b - a) T/D [1 + v^2/(A a D T)] at every wavelength, T =
@@ -582,6 +586,57 @@ TEST_CASE("result file: dimensions, groups, texts", "[output]") {
   CHECK(!present(folder / ".w.h5.tmp"));
 }
 
+TEST_CASE("pieces: rank 0 gets what each rank gives, and what one rank throws all throw", "[output]") {
+  const std::int64_t ranks = ranks_in(PETSC_COMM_WORLD), rank = rank_in(PETSC_COMM_WORLD);
+  // Three rows of which each rank has a run longer than a piece, then a thousand short rows.
+  const std::int64_t wide = largest_piece + 7, shorter = 5;
+  std::vector<double> rows(std::size_t(3 * wide)), many(std::size_t(1000 * shorter));
+  const auto value = [](std::int64_t list, std::int64_t row, std::int64_t at) {
+    return double(list) + 1e-3 * double(row) + double(at);
+  };
+  for (std::int64_t r = 0; r < 3; ++r)
+    for (std::int64_t i = 0; i < wide; ++i) rows[std::size_t(r * wide + i)] = value(1, r, rank * wide + i);
+  for (std::int64_t r = 0; r < 1000; ++r)
+    for (std::int64_t i = 0; i < shorter; ++i)
+      many[std::size_t(r * shorter + i)] = value(2, 10 + r, rank * shorter + i);
+  std::int64_t got = 0, longest = 0, calls = 0;
+  bool right = true;
+  const auto body = [&](const Give& give) {
+    give({1, 0, 3, rank * wide, wide}, rows.data());
+    give({2, 10, 1000, rank * shorter, shorter}, many.data());
+  };
+  collect(PETSC_COMM_WORLD, body, [&](const Piece& piece, const double* values) {
+    const bool own = piece.first / (piece.list == 1 ? wide : shorter) == 0;  // rank 0's are handed on whole
+    if (!own) longest = std::max(longest, piece.rows * piece.count);
+    if (!own) ++calls;
+    for (std::int64_t r = 0; r < piece.rows; ++r)
+      for (std::int64_t i = 0; i < piece.count; ++i, ++got)
+        right = right && *values++ == value(piece.list, piece.row + r, piece.first + i);
+  });
+  CHECK(right);
+  CHECK(got == (rank == 0 ? ranks * (3 * wide + 1000 * shorter) : 0));
+  CHECK(longest <= largest_piece);
+  CHECK(calls == (rank == 0 ? (ranks - 1) * 7 : 0));
+
+  const auto said = [&](auto&& work) {
+    try {
+      work();
+    } catch (const Failure& e) {
+      return std::string(e.what());
+    }
+    return std::string("nothing");
+  };
+  const auto last = [&] {
+    if (rank == ranks - 1) throw std::runtime_error("the last rank");
+  };
+  CHECK(said([&] { together(PETSC_COMM_WORLD, last); }) == "the last rank");
+  CHECK(said([&] { together(PETSC_COMM_WORLD, [] {}); }) == "nothing");
+  CHECK_THROWS_AS(together(PETSC_COMM_WORLD, [] { throw UsageError("wrong"); }), UsageError);
+  CHECK(said([&] { collect(PETSC_COMM_WORLD, [&](const Give&) { last(); }, {}); }) == "the last rank");
+  const auto full = [](const Piece&, const double*) { throw Failure("no space"); };
+  CHECK(said([&] { collect(PETSC_COMM_WORLD, body, full); }) == "no space");
+}
+
 TEST_CASE("checkpoint: exact to the last bit, damage found, the newest kept", "[output]") {
   const Folder folder;
   const std::string out = folder / "ring.h5";
@@ -609,7 +664,7 @@ TEST_CASE("checkpoint: exact to the last bit, damage found, the newest kept", "[
   std::string name;
   for (const std::int64_t step : {999, 100, 150, 200}) {  // the first as if of an older, longer run
     written.step = step;
-    name = write_checkpoint(out, 2, some_provenance(), written, nodes, step == 200);  // once by rank 0 alone
+    name = write_checkpoint(out, 2, some_provenance(), written, nodes);
     usleep(20000);  // the clock that stamps files is coarse
   }
   MPI_Barrier(PETSC_COMM_WORLD);

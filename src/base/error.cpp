@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <exception>
 
+#include "stickslip/base/root.hpp"
+
 namespace stickslip {
 
 namespace {
@@ -30,6 +32,17 @@ void warn(const std::string& text) {
 }
 
 const std::vector<std::string>& warnings() { return kept_warnings; }
+
+void Trouble::share(MPI_Comm comm, int from) const {
+  int told[2] = {exit_code, static_cast<int>(text.size())};
+  SS_TRY(MPI_Bcast(told, 2, MPI_INT, from, comm));
+  if (told[0] == 0) return;
+  std::string its = text;
+  its.resize(told[1]);
+  SS_TRY(MPI_Bcast(&its[0], told[1], MPI_CHAR, from, comm));
+  if (told[0] == 2) throw UsageError(its);
+  throw Failure(its);
+}
 
 namespace detail {
 

@@ -308,7 +308,6 @@ ObservationPlan Run::plan() {
   plan.after = origin_.resumed ? origin_.t : -1;
   if (options_.is_set("out_file")) plan.layout = run_layout(scene_);
   plan.by_clusters = plan.layout.tells_rows_later = clusters_ != nullptr;
-  plan.layout.by_root = options_.text("out_writers") == "root";
   if (!problem_.what.empty()) plan.layout.texts["reduced"] = problem_.what;
   for (const auto& observer : observers_) observer->plan(plan);
   return plan;
@@ -454,7 +453,7 @@ void Run::write_checkpoint_at(std::int64_t step, double t, double next_dt, Vec u
   if (clusters_) clusters_->archive(to);
   last_checkpoint_ =
       write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_, c,
-                       NodeRange::of(problem_.model), options_.text("out_writers") == "root");
+                       NodeRange::of(problem_.model));
 }
 
 }  // namespace stickslip

@@ -255,10 +255,6 @@ void output_options(OptionTableBuilder& t) {
                  "length")
       .unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
-  t.choice("out_writers", {"auto", "root"},
-           "ranks that write fields to out_file and checkpoints: all that see the files, or rank 0 alone, "
-           "which the "
-           "others feed in pieces of a megabyte");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.integer("out_series_every", "1", 1, int_max,
             "series: a row for every so many steps; with clusters, for so many times at which nodes begin to "

@@ -204,8 +204,9 @@ std::vector<Field> Catalogue::rupture_columns() {
 
 void Catalogue::plan(ObservationPlan& plan) {
   begin_ = MPI_Wtime();
-  plan.layout.events = columns(halts(model_.scene()), ruptures_);
-  if (ruptures_) plan.layout.rupture = rupture_columns();
+  const Field end{"t", "time", "time at which the event ends"};
+  if (ruptures_) plan.layout.groups.push_back({"events/rupture", end, rupture_columns()});  // shown before it
+  plan.layout.groups.push_back({"events", end, columns(halts(model_.scene()), ruptures_)});
   const FrictionParameters& friction = model_.scene().friction;
   stiff_ = !plan.by_clusters && (friction.regularised || model_.friction_law(0).steep);
   if (stiff_) plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -19,7 +20,6 @@
 #include "base/scatter.hpp"
 #include "output/datasets.hpp"
 #include "output/hdf5_tools.hpp"
-#include "output/shared_file.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 
@@ -117,6 +117,30 @@ std::vector<std::int64_t> write_frame_of(const std::string& temporary, const Pro
   return places;
 }
 
+// The values of all ranks' nodes, by rank 0; where each has all of them, its own.
+void write_fields(const std::string& temporary, const std::vector<std::int64_t>& places,
+                  const Checkpoint& checkpoint, const NodeRange& nodes) {
+  const bool is_root = rank_in(PETSC_COMM_WORLD) == 0;
+  std::optional<paths::Descriptor> file;
+  on_root(PETSC_COMM_WORLD, [&] { file.emplace(temporary, O_WRONLY, "write"); });
+  collect(
+      PETSC_COMM_WORLD,
+      [&](const Give& give) {
+        Piece piece;
+        for (const auto& [name, values] : checkpoint.fields) {
+          const auto each = std::int64_t(values.size()) / nodes.count;
+          piece.first = nodes.first * each;
+          piece.count = std::int64_t(values.size());
+          if (nodes.comm != PETSC_COMM_SELF || is_root) give(piece, values.data());
+          ++piece.list;
+        }
+      },
+      [&](const Piece& piece, const double* values) {
+        const std::int64_t at = places[std::size_t(piece.list)] + piece.first * std::int64_t(sizeof(double));
+        paths::write_all(*file, values, std::size_t(piece.count) * sizeof(double), at);
+      });
+}
+
 // Brings a file that is complete to disk and under its name.
 void finish_file(const std::string& temporary, const std::string& path) {
   const std::string block = block_text(checksum(temporary));
@@ -204,10 +228,9 @@ std::vector<double> Checkpoint::field(const std::string& name, const NodeRange& 
 }
 
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
-                             const Checkpoint& checkpoint, const NodeRange& nodes, bool by_root) {
+                             const Checkpoint& checkpoint, const NodeRange& nodes) {
   std::string path = checkpoint_name(out_file, checkpoint.step);
   const std::string temporary = paths::hidden_sibling(path);
-  const bool writes = nodes.comm != PETSC_COMM_SELF || rank_in(PETSC_COMM_WORLD) == 0;
   std::vector<hsize_t> sizes;
   for (const auto& [name, values] : checkpoint.fields) {
     if (nodes.count == 0 || values.size() % std::size_t(nodes.count) != 0)
@@ -221,20 +244,7 @@ std::string write_checkpoint(const std::string& out_file, std::int64_t keep, con
       unlink(temporary.c_str());
       h5::naming(path, [&] { places = write_frame_of(temporary, provenance, checkpoint, sizes); });
     });
-    broadcast(places);
-    SharedFile file(PETSC_COMM_WORLD, by_root);
-    file.open(temporary);
-    h5::naming(path, [&] {
-      file.write([&](const SharedFile::Put& put) {
-        auto place = places.begin();
-        for (const auto& [name, values] : checkpoint.fields) {
-          const auto each = std::int64_t(values.size()) / nodes.count;
-          const std::int64_t at = *place++ + nodes.first * each * std::int64_t(sizeof(double));
-          if (writes) put(at, values.data(), values.size());
-        }
-      });
-      file.sync();
-    });
+    h5::naming(path, [&] { write_fields(temporary, places, checkpoint, nodes); });
     on_root(PETSC_COMM_WORLD, [&] { h5::naming(path, [&] { finish_file(temporary, path); }); });
   } catch (...) {
     if (rank_in(PETSC_COMM_WORLD) == 0) unlink(temporary.c_str());

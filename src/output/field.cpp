@@ -7,6 +7,7 @@
 namespace stickslip {
 
 Field standard_field(const std::string& name) {
+  if (name == "t") return {"t", "time", "time"};
   if (name == "psi") return {"psi", "length/time", "sliding velocity"};
   if (name == "eta") return {"eta", "1", "force over the friction amplitude"};
   for (const StateLaw law : all_state_laws())

@@ -9,8 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/output/reader.hpp"
+#include "base/scatter.hpp"
 #include "stickslip/base/provenance.hpp"
+#include "stickslip/output/reader.hpp"
 
 namespace stickslip::h5 {
 
@@ -41,7 +42,7 @@ class Id {
 [[noreturn]] void fail(const std::string& doing, const std::string& path);
 [[noreturn]] void fail(const std::string& doing, hid_t object);
 
-constexpr hsize_t largest_piece = 1 << 17;  // doubles of a field that rank 0 has at a time: a megabyte
+constexpr hsize_t largest_piece = stickslip::largest_piece;
 
 // Turns off the library's own printing of errors; to be called before anything else of HDF5.
 void quiet();

@@ -80,7 +80,7 @@ Series::Series(const Model& model, const Scene& whole, const Displacement* displ
 std::vector<Field> Series::fields() { return fields_of(columns(true, true, true, true)); }
 
 void Series::plan(ObservationPlan& plan) {
-  plan.layout.series = fields_of(columns_);
+  plan.layout.groups.push_back({"series", standard_field("t"), fields_of(columns_)});
   by_clusters_ = plan.by_clusters;
 }
 
@@ -156,7 +156,9 @@ ProbeRows::ProbeRows(const Model& model, const Scene& whole, std::vector<double>
       attention_(probes_.nodes(), model.scene().n) {}
 
 void ProbeRows::plan(ObservationPlan& plan) {
-  plan.layout.probe_x = x_;
+  if (!x_.empty())
+    plan.layout.groups.push_back(
+        {"probes", standard_field("t"), {standard_field("psi"), standard_field("eta")}, x_});
   by_clusters_ = plan.by_clusters;
 }
 

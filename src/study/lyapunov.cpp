@@ -60,10 +60,12 @@ LyapunovExponents::LyapunovExponents(const Model& model, const Options& options)
 
 void LyapunovExponents::plan(ObservationPlan& plan) {
   plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });  // within every step
+  RowGroup rows{"lyapunov", {"t", "time", "end of the interval of time"}, {}};
   for (std::size_t k = 1; k <= count_; ++k)
-    plan.layout.lyapunov.push_back(
+    rows.fields.push_back(
         {"rate_" + std::to_string(k), "1/time",
          "mean growth rate of tangent vector " + std::to_string(k) + " since the row before"});
+  plan.layout.groups.push_back(rows);
 }
 
 void LyapunovExponents::step(const ObservedStep& step) {

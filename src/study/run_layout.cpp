@@ -53,12 +53,17 @@ void add_load(const Scene& scene, RunLayout& layout) {
   const Load& load = scene.load;
   if (!load.varies() || halts(scene)) return;
   constexpr double before_all = -std::numeric_limits<double>::infinity();
+  FixedTable corners{{"load/t", "time", "corner of the load"},
+                     {},
+                     {{{"load/before", "length/time", "velocity of the driving plate right before it"}, {}},
+                      {{"load/behind", "length/time", "velocity of the driving plate right behind it"}, {}}}};
   for (double t = load.next_corner(before_all); std::isfinite(t); t = load.next_corner(t)) {
     const int behind = load.piece_from(t);
-    layout.load_t.push_back(t);
-    layout.load_before.push_back(velocity_of_plate_alone(scene, load.in_piece(behind - 1, t), t));
-    layout.load_behind.push_back(velocity_of_plate_alone(scene, load.in_piece(behind, t), t));
+    corners.at.push_back(t);
+    corners.columns[0].second.push_back(velocity_of_plate_alone(scene, load.in_piece(behind - 1, t), t));
+    corners.columns[1].second.push_back(velocity_of_plate_alone(scene, load.in_piece(behind, t), t));
   }
+  if (!corners.at.empty()) layout.tables.push_back(corners);
 }
 
 }  // namespace
@@ -84,12 +89,16 @@ RunLayout run_layout(const Scene& scene) {
   add_load(scene, layout);
   if (scene.friction.varies()) return layout;  // no one law for all
   const auto friction = Friction::of(scene.friction);
+  FixedTable curve{{"friction/psi", "length/time", "sliding velocity"},
+                   {},
+                   {{{"friction/F", "1", "steady friction over its amplitude"}, {}}}};
   for (const double psi : table_velocities()) {
     const double F = friction->force(psi, friction->steady_state(psi));
     if (!std::isfinite(F)) continue;  // theta at rest has no steady value
-    layout.friction_psi.push_back(psi);
-    layout.friction_F.push_back(F);
+    curve.at.push_back(psi);
+    curve.columns[0].second.push_back(F);
   }
+  if (!curve.at.empty()) layout.tables.insert(layout.tables.begin(), curve);
   if (!slides_uniformly(scene)) return layout;
   if (const auto medium = sliding_medium(scene)) {
     const auto fastest = fastest_wave(*medium, Waves::of(scene), same_growth(*medium));
@@ -103,8 +112,10 @@ RunLayout run_layout(const Scene& scene) {
 void add_scene(ResultFile& file, const Scene& scene) {
   const RunLayout layout = run_layout(scene);
   for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
-  file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);
-  file.add({"friction/F", "1", "friction force over its amplitude"}, {"friction/psi"}, layout.friction_F);
+  if (layout.tables.empty() || layout.tables[0].axis.name != "friction/psi") return;
+  const FixedTable& curve = layout.tables[0];
+  file.scale(curve.axis, curve.at);
+  for (const auto& [field, values] : curve.columns) file.add(field, {curve.axis.name}, values);
 }
 
 }  // namespace stickslip

@@ -1,5 +1,5 @@
-"""Fields in files by the ranks that own them: the same bits whoever writes and on any number of ranks, and no rank that
-holds more than its part."""
+"""Fields in files, which rank 0 writes from pieces of the ranks that own them: the same bits on any number of ranks, and no
+rank that holds more than its part."""
 import functools
 import glob
 import os
@@ -32,12 +32,12 @@ def same_fields(reference, path, name, frames=None):
     "-grid_n 300000 -grid_length 15000 -ts_max_time 0.02",                 # one node for all
     "-grid_n 300000 -grid_length 15000 -init_type sine -init_mode 2 -ts_max_time 0.02",  # two cells of 150000
 ])
-def test_same_bits_whoever_writes(scene):
+def test_same_bits_on_any_ranks(scene):
     run(f"{FIXED}{scene} -out_file one.h5")
     reference = data("one.h5")
-    for ranks, writers in ((2, "auto"), (3, "root")):
-        run(f"{FIXED}{scene} -out_file many.h5 -out_writers {writers}", ranks)
-        same_fields(reference, "many.h5", f"{scene} on {ranks} ranks, {writers}")
+    for ranks in (2, 3):
+        run(f"{FIXED}{scene} -out_file many.h5", ranks)
+        same_fields(reference, "many.h5", f"{scene} on {ranks} ranks")
 
 
 @pytest.mark.ranks
@@ -49,9 +49,8 @@ def test_restart_on_other_ranks():
         run(f"{scene} -out_file three.h5 -out_checkpoint_keep 9", 3)
         reference = data("one.h5")
         same_fields(reference, "three.h5", ends)
-        for step, frames, ranks, writers in ((40, 3, 2, "root"), (80, 1, 2, "auto"), (80, 1, 1, "auto")):
-            found, _ = run(f"-restart three.chk-{step:06d}.h5 -out_file again{step}-{ranks}.h5 "
-                               f"-out_writers {writers}", ranks)
+        for step, frames, ranks in ((40, 3, 2), (80, 1, 2), (80, 1, 1)):
+            found, _ = run(f"-restart three.chk-{step:06d}.h5 -out_file again{step}-{ranks}.h5", ranks)
             same_fields(reference, f"again{step}-{ranks}.h5", f"{ends}, from step {step} on {ranks} ranks", frames)
             for key in ("amplitude", "pulses", "regime", "wave_speed", "psi_max"):
                 a, b = found[key], one[key]
@@ -124,9 +123,8 @@ def test_no_rank_holds_a_field(request):
         return (f"-grid_n {n} -grid_length {n // 20} -init_type sine -ts_max_time 0.01 -ts_dt 0.005 -ts_adapt_type none "
                 "-out_frames 2 -out_checkpoint_every 1")
     one = peak(f"{scene(own)} -out_file one.h5", 1)
-    for writers in ("auto", "root"):
-        four = peak(f"{scene(4 * own)} -out_file four.h5 -out_writers {writers}", 4)
-        check(four < one + 18 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: {writers}")
+    four = peak(f"{scene(4 * own)} -out_file four.h5", 4)
+    check(four < one + 18 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one")
     start = next(iter(sorted(glob.glob("one.chk*"))))
     one = peak(f"-restart {start} -ts_max_time 0.015 -out_file again1.h5", 1)
     start = next(iter(sorted(glob.glob("four.chk*"))))

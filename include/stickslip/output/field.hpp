@@ -11,7 +11,7 @@ struct Field {
   std::string name, units, long_name;
 };
 
-// The standard fields, to be put into RunLayout::fields: psi, eta, tau, theta, chi.
+// The standard fields, to be put into RunLayout::fields: psi, eta, tau, theta, chi; and t.
 Field standard_field(const std::string& name);
 
 }  // namespace stickslip

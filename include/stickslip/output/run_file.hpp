@@ -1,5 +1,5 @@
-// Results in HDF5, one file a command; here that of a run. Rank 0 alone opens it by the library; each rank
-// writes the values of its own nodes where rank 0 says (slab.hpp), and rank 0 then shows the frame to
+// Results in HDF5, one file a command; here that of a run. Rank 0 alone writes it: the other ranks hand it the
+// values of their nodes (slab.hpp) in pieces of a megabyte, and when all are written it shows the frame to
 // readers. No rank ever has more of a field than its part.
 //
 // Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON
@@ -30,21 +30,29 @@
 
 namespace stickslip {
 
-class NodeRows;
+// Rows against times of their own in a group of the file (RunFile::row): GROUP/NAME of t, or of (t, x) where
+// there are places.
+struct RowGroup {
+  std::string name;
+  Field t;
+  std::vector<Field> fields;
+  std::vector<double> places = {};
+};
 
-// What the file of a run holds. Significant on rank 0, but for slab and by_root; probe_x empty: no group
-// probes, series empty: no group series.
+// What is known from the start: columns of one axis, not empty.
+struct FixedTable {
+  Field axis;
+  std::vector<double> at;
+  std::vector<std::pair<Field, std::vector<double>>> columns;
+};
+
+// What the file of a run holds. Significant on rank 0, but for fields and slab.
 struct RunLayout {
-  Slab slab;             // whose nodes are whose
-  bool by_root = false;  // rank 0 writes for all ranks, which feed it in pieces of a megabyte
+  Slab slab;  // whose nodes are whose
   std::function<double(std::int64_t)> x;  // of a node
-  std::vector<Field> fields;    // of (t, x): psi, eta, the state where there is one, chi where asked for
-  std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
-  std::vector<Field> series;    // series/NAME of t
-  std::vector<Field> events;    // events/NAME of t, the end of an event
-  std::vector<Field> rupture;   // events/rupture/NAME of t, the same: a row for each of its nodes
-  std::vector<Field> lyapunov;  // lyapunov/NAME of t, the end of an interval
-  std::int64_t frames = 0;      // how many are expected to come (any number may)
+  std::vector<Field> fields;     // of (t, x): psi, eta, the state where there is one, chi where asked for
+  std::vector<RowGroup> groups;  // in the order in which readers see their rows
+  std::int64_t frames = 0;       // how many are expected to come (any number may)
   // All rows but frames are told when a later time is: a run that goes on writes those at the time of its
   // checkpoint itself, as it always does those of events.
   bool tells_rows_later = false;
@@ -52,11 +60,7 @@ struct RunLayout {
   std::map<std::string, double> numbers;
   // of nodes: what differs along x
   std::vector<std::pair<Field, std::function<double(std::int64_t)>>> profiles;
-  // steady friction, a table friction/F of friction/psi, if not empty
-  std::vector<double> friction_psi, friction_F;
-  // Corners of a load, tables load/before and load/behind of load/t: the plate's velocity on either side, if
-  // not empty.
-  std::vector<double> load_t, load_before, load_behind;
+  std::vector<FixedTable> tables;
 };
 
 class RunFile {
@@ -77,10 +81,9 @@ class RunFile {
   RunFile(const RunFile&) = delete;
   RunFile& operator=(const RunFile&) = delete;
 
-  // A row of the group `probes` (psi at all places, then eta), `series`, `events/rupture`, `events` or
-  // `lyapunov`, if the layout has it, each with times of its own that do not decrease, at every step if you
-  // like. Kept in memory until the next frame() or flush(), or until they take some megabytes. Ranks other
-  // than 0 give rows of the same length, whose values are ignored.
+  // A row of a group, if the layout has it: each field in turn, at all places where there are any. Times do
+  // not decrease; at every step if you like. Kept in memory until the next frame() or flush(), or until they
+  // take some megabytes. Ranks other than 0 give rows of the same length, whose values are ignored.
   void row(const char* group, double t, const std::vector<double>& values);
 
   // Rows of such a group so far, those of `resume` and those in memory included: on rank 0, 0 elsewhere. Not
@@ -97,24 +100,12 @@ class RunFile {
   // After an error that has been thrown, flush() and close() write no more and throw nothing.
   void close();
 
-  std::int64_t frames() const { return frames_; }  // in the file, those of `resume` included
-  double last_time() const { return last_time_; }  // of the last frame; -infinity where there is none
+  std::int64_t frames() const;  // in the file, those of `resume` included
+  double last_time() const;     // of the last frame; -infinity where there is none
 
  private:
-  struct Writer;
-  void flush_with(const std::vector<const double*>* last);
-
-  MPI_Comm comm_;
-  std::string path_;
-  std::unique_ptr<Writer> writer_;  // rank 0
-  std::unique_ptr<NodeRows> rows_;
-  std::int64_t made_ = 0;  // number of the file that rows_ writes to; 0: none yet
-  bool broken_ = false;    // a write has failed: no more are tried
-  bool closed_ = false;
-  // bytes of rows in memory, but for those of frames; the same on every rank
-  double waiting_ = 0;
-  std::int64_t frames_ = 0;
-  double last_time_;
+  struct Impl;
+  std::unique_ptr<Impl> m_;
 };
 
 }  // namespace stickslip

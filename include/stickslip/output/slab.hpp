@@ -1,9 +1,8 @@
-// Which values of a scene's nodes a rank has, and where it writes them in files.
+// Which values of a scene's nodes a rank has, and where they stand in a row of a file.
 //
-// Every rank writes the nodes that it owns. Where the model is one of several equal cells of a scene, large
-// cells (from a megabyte a field on) are written once for each cell by the ranks that own their nodes; small
-// ones every rank has whole and writes for an equal part of the scene's nodes. No rank ever has more than its
-// part, or a megabyte a field.
+// Every rank has the nodes that it owns. Where the model is one of several equal cells of a scene, small cells
+// (below a megabyte a field) are brought to rank 0, which repeats them; of large ones each rank gives its part
+// once for each cell. So no rank has more than its part, or a megabyte a field.
 #pragma once
 
 #include <petscsys.h>
@@ -32,8 +31,7 @@ class Slab {
   // Collective.
   void take(const double* own, int stride, std::vector<double>& to) const;
 
-  // Calls put(first, count, values) for every run of nodes that this rank writes, `values` being those that
-  // it has.
+  // Calls put(first, count, values) for every run of nodes that this rank has, `values` being those.
   using Put = std::function<void(std::int64_t first, std::int64_t count, const double* values)>;
   void place(const double* values, const Put& put) const;
 
@@ -44,12 +42,9 @@ class Slab {
  private:
   MPI_Comm comm_ = MPI_COMM_NULL;
   std::int64_t nodes_ = 0, cell_ = 0, cells_ = 1;
-  // of the cell's nodes the first that this rank owns; if gathered, of the scene's nodes the
-  std::int64_t first_ = 0;
-  // first that it writes
-  std::int64_t end_ = 0;  // one after the last of them
+  std::int64_t first_ = 0;  // of the cell's nodes the first that this rank owns
   std::size_t owned_ = 0, kept_ = 0;
-  bool gathered_ = false;              // every rank has the cell
+  bool gathered_ = false;              // rank 0 has the cell
   std::vector<int> counts_, offsets_;  // of the ranks, for that
 };
 
