@@ -52,8 +52,9 @@ struct Checkpoint {
 std::string checkpoint_name(const std::string& out_file, std::int64_t step);
 
 // Writes a checkpoint beside out_file (significant on rank 0: t, dt, step, numbers, texts, arrays), then
-// removes the oldest files of that kind until `keep` are left; the one just written stays. Returns its name. Flush the RunFile first: a checkpoint must not be ahead of the frames.
-// Collective; throws Failure, and then the checkpoints of before are all there.
+// removes the oldest files of that kind until `keep` are left; the one just written stays. Returns its name.
+// Flush the RunFile first: a checkpoint must not be ahead of the frames. Collective; throws Failure, and then
+// the checkpoints of before are all there.
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
                              const Checkpoint& checkpoint, const NodeRange& nodes);
 

@@ -1,6 +1,6 @@
-// Results in HDF5, one file a command; here that of a run. Rank 0 alone writes it: the other ranks hand it the
-// values of their nodes (slab.hpp) in pieces of a megabyte, and when all are written it shows the frame to
-// readers. No rank ever has more of a field than its part.
+// Results in HDF5, one file a command; here that of a run. Rank 0 alone writes it: the other ranks hand it
+// the values of their nodes (slab.hpp) in pieces of a megabyte, and when all are written it shows the frame
+// to readers. No rank ever has more of a field than its part.
 //
 // Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON
 // object of texts), `date`, `ranks` and `kind` (the command, or `checkpoint`), dimension scales and `units`,

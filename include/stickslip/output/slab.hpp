@@ -1,8 +1,8 @@
 // Which values of a scene's nodes a rank has, and where they stand in a row of a file.
 //
-// Every rank has the nodes that it owns. Where the model is one of several equal cells of a scene, small cells
-// (below a megabyte a field) are brought to rank 0, which repeats them; of large ones each rank gives its part
-// once for each cell. So no rank has more than its part, or a megabyte a field.
+// Every rank has the nodes that it owns. Where the model is one of several equal cells of a scene, small
+// cells (below a megabyte a field) are brought to rank 0, which repeats them; of large ones each rank gives
+// its part once for each cell. So no rank has more than its part, or a megabyte a field.
 #pragma once
 
 #include <petscsys.h>
