@@ -480,6 +480,7 @@ const OptionSpec* find_option(const std::string& name) {
 // Options that earlier versions had. Whoever removes one says here what serves in its place.
 std::string instead_of_gone(const std::string& name) {
   static const std::unordered_map<std::string, const char*> advice = {
+      {"out_writers", "rank 0 writes what the other ranks send it"},
       {"spectrum_transient", "a run from the perturbation shows how far it grows (init_type file)"},
       {"spectrum_pseudo",
        "resolvent norms are those of the matrix of docs/theory.md, which a few lines of Python make"}};
