@@ -169,19 +169,20 @@ bool LevelRuns::affords(double seconds) const {
   return spent_ + seconds <= request_.options.real("accuracy_seconds");
 }
 
-Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
+Level LevelRuns::run(PetscInt n, double tolerance) {
   const Setting s{setting_.method, tolerance, 0, setting_.order, n};
-  const double limit = std::max(1., request_.options.real("accuracy_seconds") - spent_);
   ++count_;
-  Trial trial = this->trial(s, limit);
-  double most[2] = {trial.seconds, trial.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
+  Trial made = trial(s, std::max(1., request_.options.real("accuracy_seconds") - spent_));
+  double most[2] = {made.seconds, made.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
   largest_over(PETSC_COMM_WORLD, most, 2);
-  if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
-  failed = trial.failed;
   spent_ += most[0];
-  Answer answer{std::move(trial.end), std::move(trial.measured)};
-  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), trial.steps,
-          trial.steps + trial.rejections,      most[0]};
+  if (most[1] > 0)
+    throw OutOfReach{fmt::format("{}{} at tolerance {:.2g}: {}", setting_.method.name(),
+                                 request_.has_space ? fmt::format(" on {} nodes", n) : "", tolerance,
+                                 made.failed.empty() ? "it took too long" : made.failed)};
+  Answer answer{std::move(made.end), std::move(made.measured)};
+  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), made.steps,
+          made.steps + made.rejections,        most[0]};
 }
 
 Trial LevelRuns::trial(const Setting& s, double limit) const {
@@ -198,67 +199,45 @@ Trial LevelRuns::trial(const Setting& s, double limit) const {
   return made;
 }
 
-Level LevelRuns::run(PetscInt n, double tolerance) {
-  std::string failed;
-  Level made = run(n, tolerance, failed);
-  if (!failed.empty())
-    throw OutOfReach{fmt::format("{}{} at tolerance {:.2g}: {}", setting_.method.name(),
-                                 request_.has_space ? fmt::format(" on {} nodes", n) : "", tolerance,
-                                 failed)};
-  return made;
+// Where a solution on this grid is compared: its nodes, unless a probe alone is wanted, and the probes; not
+// about a jump.
+std::vector<double> LevelRuns::places(const Scene& scene) const {
+  std::vector<double> x;
+  if (request_.of.kind != Quantity::Kind::probe) x = positions(scene, 0, scene.n);
+  x.insert(x.end(), request_.probes.begin(), request_.probes.end());
+  if (!jump_) return x;
+  const Jump::Extent left_out = jump_->extent(scene, pilot_.t_end());
+  x.erase(std::remove_if(x.begin(), x.end(), [&](double at) { return left_out.covers(at); }), x.end());
+  return x;
 }
 
 double LevelRuns::difference(const Level& a, const Level& b, bool between) const {
-  return std::max(seen_difference(a, b, between), std::numeric_limits<double>::min());
-}
-
-double LevelRuns::seen_difference(const Level& a, const Level& b, bool between) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
-  const auto& [of_coarse, seen_coarse] = coarse.answer;
-  const auto& [of_fine, seen_fine] = fine.answer;
-  double d = 0;
-  for (std::size_t i = 0; i < seen_coarse.size() && i < seen_fine.size(); ++i)
-    d = std::max(d, std::abs(seen_coarse[i] - seen_fine[i]));
+  double d = std::numeric_limits<double>::min();
+  const std::vector<double>&p = coarse.answer.measured, &q = fine.answer.measured;
+  for (std::size_t i = 0; i < p.size() && i < q.size(); ++i) d = std::max(d, std::abs(p[i] - q[i]));
   if (request_.of.is_measured()) return d;
-  if (request_.of.kind == Quantity::Kind::probe)
-    return distance(at_points(of_coarse, coarse.scene, request_.probes),
-                    at_points(of_fine, fine.scene, request_.probes));
-  if (jump_) return difference_beside_jump(coarse, fine);
-  d = distance(of_coarse, resample(of_fine, fine.scene, coarse.scene));
-  if (between && coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
-    d = std::max(d, distance_between_nodes(coarse.scene, of_coarse, fine.scene, of_fine));
-  if (request_.probes.empty()) return d;
-  return std::max(d, distance(at_points(of_coarse, coarse.scene, request_.probes),
-                              at_points(of_fine, fine.scene, request_.probes)));
+  const std::vector<double> x = places(coarse.scene);
+  Fields rough = at_points(coarse.answer.fields, coarse.scene, x),
+         exact = at_points(fine.answer.fields, fine.scene, x);
+  if (jump_) rough.eta = exact.eta;
+  d = std::max(d, distance(rough, exact));
+  const bool smooth = request_.corner_distance == 0 && !jump_ && request_.of.kind == Quantity::Kind::fields;
+  if (!between || coarse.scene.n == fine.scene.n || !smooth) return d;
+  return std::max(d,
+                  distance_between_nodes(coarse.scene, coarse.answer.fields, fine.scene, fine.answer.fields));
 }
 
-// Of psi, at the coarser one's nodes and at probes, where neither's differences see the jump.
-double LevelRuns::difference_beside_jump(const Level& coarse, const Level& fine) const {
-  std::vector<double> x;
-  const Jump::Extent left_out = jump_->extent(coarse.scene, pilot_.t_end());
-  const auto add = [&](double at) {
-    if (!left_out.covers(at)) x.push_back(at);
-  };
-  for (PetscInt i = 0; i < coarse.scene.n; ++i) add(coarse.scene.x(i));
-  for (const double at : request_.probes) add(at);
-  const Fields a = at_points(coarse.answer.fields, coarse.scene, x),
-               b = at_points(fine.answer.fields, fine.scene, x);
-  double largest = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) largest = std::max(largest, std::abs(a.psi[i] - b.psi[i]));
-  return largest;
-}
-
-void LevelRuns::choose_method() {
-  const Scene& scene = request_.scene;
-  if (!request_.method_open || Stick::applies_to(scene)) return;
+void LevelRuns::choose_method(double tolerance) {
+  if (!request_.method_open || Stick::applies_to(request_.scene)) return;
   const Pilot::AtStart start = pilot_.at_start(setting_.order, setting_.n);
   friction_sets_steps_ = start.rates.friction > 3 * start.rates.wave;
   // the first levels of an implicit method take longer than that
   constexpr double cheap = 2e-3;
   if (!request_.options.is_set("imex_implicit") && explicit_seconds(start.rates, setting_.n) < cheap) return;
-  setting_.method = pilot_.automatic(start, share_of_time * request_.wanted);
-  if (!setting_.method.can().is_explicit) why_ = "explicit steps would be bound by stability";
+  setting_.method = pilot_.automatic(start, tolerance);
+  if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
 }
 
 // About what a step by a method takes, the solving of its equations included. What decides between
@@ -296,36 +275,6 @@ bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance
 void LevelRuns::take_explicit() {
   setting_.method = explicit_method();
   why_.clear();
-}
-
-// ---- levels ----
-
-void Ladder::add(Level made) {
-  if (!levels_.empty()) {
-    double d = runs_.difference(levels_.back(), made);
-    if (request_.of.is_number() && !distances_.empty())
-      d = std::max(d, distances_.back() / steepest_fall(levels_[levels_.size() - 2], levels_.back()));
-    distances_.push_back(d);
-  }
-  levels_.push_back(std::move(made));
-}
-
-double Ladder::difference_of_run(double predicted_of_last) const {
-  // a run on a coarser grid than the last level: the error is at its nodes, and seen there
-  const bool between = last_run_.scene.n >= levels_.back().scene.n;
-  const double d = runs_.difference(levels_.back(), last_run_, between);
-  return request_.of.is_number() ? std::max(d, 0.3 * predicted_of_last) : d;
-}
-
-void Ladder::give_up_in_time(double tolerance, double error) const {
-  throw OutOfReach{
-      fmt::format("at tolerance {:.2g} the error in time is still about {:.2g} ({})", tolerance, error,
-                  request_.tolerance_open ? "the motion amplifies what is lost" : "ts_rtol, ts_atol as set")};
-}
-
-void Ladder::begin_anew() {
-  levels_.clear();
-  distances_.clear();
 }
 
 }  // namespace stickslip

@@ -4,19 +4,16 @@
 // chain's equations) at ts_max_time, over nodes and probes; with accuracy_of that of a number: of psi and eta
 // at one place, of the wave speed, the period or the amplitude (src/output/measures.hpp). Where data that do
 // not fit a held end make psi jump (src/study/jump.hpp), it is that of psi beside the jump. It is found on a
-// ladder of runs of which each level is meant to be some thirty times as accurate as the one before, in time
-// and in space together, so that all of them cost about as much as the last: the distance of two neighbours
-// is the error of the coarser, and falls at a rate that is measured.
-//   - with a grid to refine: grids a factor of 1.3 to 2 apart, at tolerances that make the error in time a
-//     tenth of that in space; one more run at a looser tolerance, on a grid before the last, tells what a
-//     tolerance costs;
+// ladder of runs, each some thirty times as accurate as the one before: the distance of two neighbours is the
+// error of the coarser, and falls at a rate that is measured.
+//   - with a grid to refine: grids a factor of 1.3 to 2 apart, at one tolerance whose errors are small beside
+//     theirs; one more run at a looser tolerance, on the grid before the last, tells what a tolerance costs;
 //   - without one (the chain, uniform motion): tolerances alone, until a level is stricter than the run must
 //     be.
 // With a grid the run itself is the ladder's last step, and its distance from the last level, with the rate
 // between the levels, gives `error_estimate`; without one the run lies before the last level, and that
-// distance is its error. The estimate is no bound: it is made to lie a little above the error, and holds what
-// interpolation adds at probes between the nodes. Where it lies above the request, the run becomes a level
-// and the next one is finer.
+// distance is its error. The estimate is no bound: it is made to lie a little above the error, at probes too.
+// Where it lies above the request, the run becomes a level and the next one is finer.
 //
 // Where rates are low because fronts are not resolved yet, the ladder goes on to finer grids as long as
 // accuracy_seconds of processor time last. A refusal says what was tried; the best level is then run all the
