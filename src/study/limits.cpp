@@ -27,19 +27,13 @@ const char* const prefix = "limits_";
 
 // What one run came to.
 struct Outcome {
-  std::string failure;  // the error that ended it
+  std::string failure;  // what ended it before its time
   Motion motion = Motion::undecided;
   double amplitude = NAN, speed = NAN, largest = 0;
   std::int64_t steps = 0;
-  bool warned = false;  // of the steps; fronts that the grid does not carry are another matter
+  bool warned = false;  // of its steps
   std::shared_ptr<PsiRecord> record;
 };
-
-bool is_of_steps(const std::string& warning) {
-  return warning.find("a front is not resolved") == std::string::npos &&
-         warning.find("with fixed steps the order is 2") == std::string::npos &&
-         warning.find("chosen for stability") == std::string::npos;
-}
 
 double largest_psi(const Model& model, Vec u) {
   const Reading a(u);
@@ -74,34 +68,35 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
   Outcome outcome;
   outcome.record = std::make_shared<PsiRecord>(model);
   std::vector<std::string> said;
-  {
-    WarningsKept kept(said);
-    VecHandle u = model.create_vector();
-    SS_TRY(VecCopy(start, u));
-    Regime regime(model, t_end, steady_velocity(model.scene()));
-    try {
-      Integrator integrator(model, method, u, prefix);
-      warn_of_steps(model, integrator, u, t_end);
-      StepAudit audit(model, options, integrator, 0, t_end);
-      const std::vector<Observer*> observers = {&audit, &regime, outcome.record.get()};
-      simulate(integrator, u, {0, t_end}, observers, [&](const Integrator::Step& step) {
-        outcome.steps = step.index;
-        outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
-        return Integrator::Verdict::go_on;
-      });
-      const StepAudit::Verdict verdict = audit.verdict(u);
-      const NearestGrowth near = nearest_growth(model, verdict, integrator.report().rhs_evaluations);
-      regime.know(near.growth, near.taken, near.why_not, near.beyond);
-      const Measured r = regime.result(u);
-      outcome.motion = r.motion;
-      outcome.amplitude = r.amplitude.value_or(NAN);
-      outcome.speed = r.wave_speed.value_or(NAN);
-      audit.warn_of(verdict, r.motion);
-    } catch (const Failure& e) {
-      outcome.failure = e.what();
-    }
+  const WarningsKept kept(said);
+  VecHandle u = model.create_vector();
+  SS_TRY(VecCopy(start, u));
+  Regime regime(model, t_end, steady_velocity(model.scene()));
+  try {
+    Integrator integrator(model, method, u, prefix);
+    outcome.warned = warn_of_steps(model, integrator, u, t_end);
+    StepAudit audit(model, options, integrator, 0, t_end);
+    const std::vector<Observer*> observers = {&audit, &regime, outcome.record.get()};
+    simulate(integrator, u, {0, t_end}, observers, [&](const Integrator::Step& step) {
+      outcome.steps = step.index;
+      outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
+      return Integrator::Verdict::go_on;
+    });
+    const StepAudit::Verdict verdict = audit.verdict(u);
+    const NearestGrowth near = nearest_growth(model, verdict, integrator.report().rhs_evaluations);
+    regime.know(near.growth, near.taken, near.why_not, near.beyond);
+    const Measured r = regime.result(u);
+    outcome.motion = r.motion;
+    outcome.amplitude = r.amplitude.value_or(NAN);
+    outcome.speed = r.wave_speed.value_or(NAN);
+    outcome.warned = audit.warn_of(verdict, r.motion) || outcome.warned;
+  } catch (const NotFinite&) {
+    outcome.failure = "blow-up";
+  } catch (const NotSolved&) {
+    outcome.failure = "Newton's method fails";
+  } catch (const Failure& e) {
+    outcome.failure = e.what();
   }
-  outcome.warned = std::any_of(said.begin(), said.end(), is_of_steps);
   return outcome;
 }
 
@@ -139,8 +134,6 @@ struct Limits::Impl {
   }
 
   std::string breakdown(const Outcome& o) const {
-    if (o.failure.find("not finite") != std::string::npos) return "blow-up";
-    if (o.failure.find("Newton") != std::string::npos) return "Newton's method fails";
     if (!o.failure.empty()) return o.failure;
     return o.largest > 2 * truth.largest ? "psi out of bounds" : "";
   }

@@ -419,63 +419,67 @@ bool solves_friction(const Integrator& integrator) {
 // At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0, C = A
 // (B + F') + s delta. Where it is negative at the least slope F', it changes sign along psi, and the
 // equations have several solutions.
-void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt,
+bool warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt,
                                StepForecast& forecast) {
-  if (capabilities(integrator.method()).linearises || !solves_friction(integrator)) return;
+  if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return false;
   const Scene s = model.scene().averaged();
-  if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
+  if (s.massless()) return false;  // shift eta + K psi(eta) rises with eta
   const auto damping = [&s](double slope) { return LinearPoint(s, {0, slope, 0}, {}).damping(); };
   // the motion stays clear of weakening friction
-  if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;
+  if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return false;
   const double C = damping(least_slope(model)), product = s.A() * s.K0();
-  if (C >= 0 || C * C <= 4 * product) return;
+  if (C >= 0 || C * C <= 4 * product) return false;
   const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
-  if (r <= 0 || r >= high || r <= -C / 2 - root) return;
+  if (r <= 0 || r >= high || r <= -C / 2 - root) return false;
   warn(fmt::format(
       "ts_dt {} is so long that the implicit equations of {} have several solutions (friction falls with "
       "velocity; one alone up to about {:.3g}): Newton's method may find one that the motion does not lead "
       "to",
       number_text(dt), integrator.method().name(), dt * r / high));
+  return true;
 }
 
 // Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock
 // methods err by more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep
 // theirs.
-void warn_of_order_reduction(const Model& model, const Integrator& integrator, double dt, Vec u) {
+bool warn_of_order_reduction(const Model& model, const Integrator& integrator, double dt, Vec u) {
   constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
   const Method& method = integrator.method();
-  if (!solves_friction(integrator) || method.order < 2 || capabilities(method).keeps_order) return;
+  const bool keeps = std::string(method.type) == TSBDF || method.name() == "arkimex:l2";
+  if (!solves_friction(integrator) || method.order < 2 || keeps) return false;
   const double rate = model.friction_rate(u);
-  if (dt * rate > stiff)
-    warn(fmt::format(
-        "friction acts at up to {:.3g} per unit time, {:.3g} times in a ts_dt of {}: in so stiff a scene the "
-        "order of {} falls from {} to 2, 1 or less; use error control, bdf:2 or arkimex:l2",
-        rate, dt * rate, number_text(dt), method.name(), method.order));
+  if (!(dt * rate > stiff)) return false;
+  warn(fmt::format(
+      "friction acts at up to {:.3g} per unit time, {:.3g} times in a ts_dt of {}: in so stiff a scene the "
+      "order of {} falls from {} to 2, 1 or less; use error control, bdf:2 or arkimex:l2",
+      rate, dt * rate, number_text(dt), method.name(), method.order));
+  return true;
 }
 
 // A method that the user named: the choice goes by the same count (time/methods.hpp).
-void warn_of_recovery(const Model& model, const Integrator& integrator) {
+bool warn_of_recovery(const Model& model, const Integrator& integrator) {
   constexpr double many = 1e5, turns_a_step = 3;
-  if (integrator.report().implicit == Implicit::both) return;
+  if (integrator.report().implicit == Implicit::both) return false;
   const double turns = turns_in_recovery(model);
-  if (turns > many)
-    warn(fmt::format(
-        "{}: a slip loses so much friction that deviations die away or turn {:.1g} times while the state "
-        "recovers from it, and explicit steps are no longer than about {} of these times: {:.1g} steps for "
-        "each slip; take ts_type arkimex with imex_implicit both, the method chosen where none is named",
-        integrator.method().name(), turns, turns_a_step, turns / turns_a_step));
+  if (!(turns > many)) return false;
+  warn(fmt::format(
+      "{}: a slip loses so much friction that deviations die away or turn {:.1g} times while the state "
+      "recovers from it, and explicit steps are no longer than about {} of these times: {:.1g} steps for "
+      "each slip; take ts_type arkimex with imex_implicit both, the method chosen where none is named",
+      integrator.method().name(), turns, turns_a_step, turns / turns_a_step));
+  return true;
 }
 
 }  // namespace
 
-void warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
+bool warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
   if (integrator.adaptive()) return warn_of_recovery(model, integrator);
   const double dt = integrator.next_step();
-  if (dt >= duration) return;
+  if (dt >= duration) return false;
   StepForecast forecast(model, u, integrator);
-  warn_of_several_solutions(model, integrator, dt, forecast);
-  warn_of_order_reduction(model, integrator, dt, u);
-  if (!forecast.explodes(dt, duration)) return;
+  const bool several = warn_of_several_solutions(model, integrator, dt, forecast),
+             stiff = warn_of_order_reduction(model, integrator, dt, u);
+  if (!forecast.explodes(dt, duration)) return several || stiff;
   const std::string damped =
       model.viscous() ? fmt::format("viscosity damps it at {:.3g}, ", viscous_rate(model.scene())) : "";
   warn(fmt::format(
@@ -483,6 +487,7 @@ void warn_of_steps(const Model& model, const Integrator& integrator, Vec u, doub
       "{:.3g} per unit time, {}friction acts at up to {:.3g}): the solution will grow without bound",
       number_text(dt), integrator.method().name(), forecast.limit(dt, duration), model.wave_frequency(),
       damped, rates_of(model, u).friction));
+  return true;
 }
 
 }  // namespace stickslip

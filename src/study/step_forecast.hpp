@@ -95,8 +95,9 @@ class StepForecast {
 
 // Warns, before it happens, of fixed steps of `integrator`, about to advance u through `duration`, that will
 // explode, whose implicit equations have several solutions, or at which the method's order falls; and of
-// others that stability makes far shorter, after a slip, than an implicit method's. Collective.
-void warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration);
+// others that stability makes far shorter, after a slip, than an implicit method's. True where it did.
+// Collective.
+bool warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration);
 
 // Roots of a polynomial, coefficients highest power first.
 std::vector<Complex> characteristic_roots(const std::vector<Complex>& coefficients);

@@ -149,8 +149,8 @@ void Integrator::Impl::after_step(const Stepper::Outcome& outcome) {
   model.solve_velocities(step.u);
   if (!outcome.finite && !all_finite(step.u)) {
     drive.report.t = drive.t_before;
-    throw failure("the solution is not finite after step {} (t = {}): {}", step.index, number_text(step.t),
-                  advice(dt));
+    throw NotFinite(fmt::format("the solution is not finite after step {} (t = {}): {}", step.index,
+                                number_text(step.t), advice(dt)));
   }
   if (dt == 0) {
     const std::string lost = model.velocity_jump(step.u);
@@ -285,15 +285,16 @@ void Integrator::Impl::fail(const Stepper::Outcome& outcome) const {
   const std::string at =
       fmt::format(" at t = {} (step {})", number_text(drive.report.t), drive.report.steps);
   if (outcome.kind == Stepper::Outcome::not_finite)
-    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(drive.report.t),
-                  drive.report.steps, advice(outcome.next_h));
+    throw NotFinite(fmt::format("the solution is not finite behind t = {} (step {}): {}",
+                                number_text(drive.report.t), drive.report.steps, advice(outcome.next_h)));
   if (outcome.kind == Stepper::Outcome::not_solved)
-    throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
+    throw NotSolved("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
   if (const std::string lost = model.velocity_jump(drive.u); !lost.empty()) throw Failure(lost + at);
-  throw Failure("the time step was rejected more than " + std::to_string(most_rejections()) +
-                " times (ts_max_reject)" + at +
-                (stepper->solved() ? "" : ": Newton's method fails in the implicit part") +
-                "; reduce ts_dt or loosen ts_rtol and ts_atol" + instead());
+  const std::string times = fmt::format("the time step was rejected more than {} times (ts_max_reject){}",
+                                        most_rejections(), at),
+                    advice = "; reduce ts_dt or loosen ts_rtol and ts_atol" + instead();
+  if (stepper->solved()) throw Failure(times + advice);
+  throw NotSolved(times + ": Newton's method fails in the implicit part" + advice);
 }
 
 // ---- between steps
@@ -325,8 +326,8 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(into))
-    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), drive.report.steps,
-                  advice(dt));
+    throw NotFinite(fmt::format("the solution is not finite at t = {} (step {}): {}", number_text(at),
+                                drive.report.steps, advice(dt)));
 }
 
 // ---- what others see

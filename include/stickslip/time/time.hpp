@@ -27,6 +27,7 @@
 #include <string>
 
 #include "stickslip/model/model.hpp"
+#include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/tolerances.hpp"
 
@@ -55,6 +56,17 @@ PartsOfStep parts_of(Implicit implicit);
 // Makes the time steppers of this program known to PETSc, so that -ts_type names them. After SlepcInitialize;
 // every Integrator does it too.
 void register_time_steppers();
+
+// What ends a run on its way: a solution that is not finite, equations of a step that Newton's method does not
+// solve.
+class NotFinite : public Failure {
+ public:
+  using Failure::Failure;
+};
+class NotSolved : public Failure {
+ public:
+  using Failure::Failure;
+};
 
 // What a run did.
 struct TimeReport {
