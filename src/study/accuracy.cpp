@@ -166,7 +166,7 @@ struct AccuracyPlan::Impl {
     next = from;
   }
 
-  // A level at this fineness; where it fails, one by explicit steps from the bottom, or on twice as fine a
+  // A level at this fineness; where it fails, one by the other method from the bottom, or on twice as fine a
   // grid.
   void climb() {
     if (next == 0) {
@@ -178,8 +178,7 @@ struct AccuracyPlan::Impl {
     try {
       add(has_space() ? runs.run(request.nodes(next), tolerance) : runs.run(request.scene.n, 1 / next));
     } catch (const OutOfReach&) {
-      if (request.method_open && !setting.method.is_explicit()) {
-        runs.take_explicit();
+      if (runs.take_other()) {
         begin_anew();
       } else if (!request.grid_open || ++failures == 6) {
         throw;
@@ -407,8 +406,10 @@ struct AccuracyPlan::Impl {
       error = seen * std::pow(ratio, -order);
     }
     if (!has_space()) return (scatters() ? 1.3 : 1.15) * error;
-    return (1.3 + 1.5 * (1 - order / p)) *
-           error;  // far from the best order more goes otherwise than predicted
+    // Where corners set the order the constant changes from grid to grid, with the places of the nodes beside
+    // them; else more goes otherwise than predicted far from the best order.
+    const bool corners = p < setting.order && !runs.jump();
+    return (corners ? 2 : 1.3 + 1.5 * (1 - order / p)) * error;
   }
 
   double estimate(const Answer& end) {

@@ -163,16 +163,22 @@ PetscInt AccuracyRequest::nodes(double wanted_cells) const {
 
 LevelRuns::LevelRuns(const AccuracyRequest& request, Setting& setting)
     : request_(request), setting_(setting), pilot_(request.options, request.scene),
-      jump_(request.has_space ? Jump::of(request.scene, pilot_.start()) : std::nullopt) {}
+      jump_(request.has_space ? Jump::of(request.scene, pilot_.start()) : std::nullopt),
+      automatic_(setting.method) {}
 
 bool LevelRuns::affords(double seconds) const {
   return spent_ + seconds <= request_.options.real("accuracy_seconds");
 }
 
 Level LevelRuns::run(PetscInt n, double tolerance) {
-  const Setting s{setting_.method, tolerance, 0, setting_.order, n};
+  Setting s{setting_.method, tolerance, 0, setting_.order, n};
+  // The start does not tell how fast friction acts later on.
+  const bool may_stop = s.method.is_explicit() && !automatic_.is_explicit() && explicit_steps_seen_ == 0;
+  if (may_stop) s.most_attempts = most_explicit_steps(n);
   ++count_;
   Trial made = trial(s, std::max(1., request_.options.real("accuracy_seconds") - spent_));
+  if (may_stop && made.fault == Fault::too_many_steps && made.t > 0)
+    explicit_steps_seen_ = double(made.steps + made.rejections) * pilot_.t_end() / made.t;
   double most[2] = {made.seconds, made.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
   largest_over(PETSC_COMM_WORLD, most, 2);
   spent_ += most[0];
@@ -194,8 +200,10 @@ Trial LevelRuns::trial(const Setting& s, double limit) const {
   Trial made = run_trial(request_.options, s, "", limit, measure);
   if (longest > 0 && !request_.options.is_set("ts_adapt_dt_max"))
     SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_dt_max"));
-  if (made.failed.empty() && made.measured.empty())
+  if (made.failed.empty() && made.measured.empty()) {
+    made.fault = Fault::failed;
     made.failed = "the motion has no " + request_.of.name() + " to measure";
+  }
   return made;
 }
 
@@ -233,11 +241,11 @@ void LevelRuns::choose_method(double tolerance) {
   if (!request_.method_open || Stick::applies_to(request_.scene)) return;
   const Pilot::AtStart start = pilot_.at_start(setting_.order, setting_.n);
   friction_sets_steps_ = start.rates.friction > 3 * start.rates.wave;
+  automatic_ = pilot_.automatic(start, tolerance);
   // the first levels of an implicit method take longer than that
   constexpr double cheap = 2e-3;
-  if (!request_.options.is_set("imex_implicit") && explicit_seconds(start.rates, setting_.n) < cheap) return;
-  setting_.method = pilot_.automatic(start, tolerance);
-  if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
+  const bool is_cheap = explicit_seconds(start.rates, setting_.n) < cheap;
+  if (!automatic_.is_explicit() && (request_.options.is_set("imex_implicit") || !is_cheap)) take_implicit();
 }
 
 // About what a step by a method takes, the solving of its equations included. What decides between
@@ -256,10 +264,19 @@ double LevelRuns::step_seconds(const MethodSpec& method, PetscInt n) const {
 
 // Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's
 // is seldom met, but at a threshold always).
-double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
+double LevelRuns::explicit_steps(const Rates& rates) const {
   const bool threshold = request_.scene.friction.jumps_at_rest();
-  return (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction) *
-         step_seconds(explicit_method(), n);
+  const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
+  return std::max(steps, explicit_steps_seen_);
+}
+
+double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
+  return explicit_steps(rates) * step_seconds(explicit_method(), n);
+}
+
+// Many more than accuracy alone asks for.
+std::int64_t LevelRuns::most_explicit_steps(PetscInt n) const {
+  return std::int64_t(std::max(5000., 30 * explicit_steps(pilot_.at_start(setting_.order, n).rates)));
 }
 
 bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
@@ -275,6 +292,20 @@ bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance
 void LevelRuns::take_explicit() {
   setting_.method = explicit_method();
   why_.clear();
+}
+
+void LevelRuns::take_implicit() {
+  setting_.method = automatic_;
+  why_ = "explicit steps would be bound by stability";
+}
+
+bool LevelRuns::take_other() {
+  if (!request_.method_open) return false;
+  const bool is_explicit = setting_.method.is_explicit();
+  if (is_explicit && (explicit_steps_seen_ == 0 || gave_up_implicit_)) return false;
+  gave_up_implicit_ = !is_explicit;
+  is_explicit ? take_implicit() : take_explicit();
+  return true;
 }
 
 }  // namespace stickslip

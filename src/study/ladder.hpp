@@ -82,6 +82,9 @@ class LevelRuns {
   // Whether an explicit run on n nodes takes less than an implicit one at `tolerance`, of which one was seen.
   bool prefers_explicit(const Level& seen, PetscInt n, double tolerance) const;
   void take_explicit();
+  // After a run that failed: explicit steps for implicit ones, implicit ones where explicit ones were far too
+  // many; false where neither may be had.
+  bool take_other();
   const std::string& why() const { return why_; }  // this method, or ""
   bool friction_sets_steps() const { return friction_sets_steps_; }
   const Pilot& pilot() const { return pilot_; }
@@ -90,7 +93,10 @@ class LevelRuns {
   Trial trial(const Setting& setting, double limit) const;
   std::vector<double> places(const Scene& scene) const;
   double step_seconds(const MethodSpec& method, PetscInt n) const;
+  double explicit_steps(const Rates& rates) const;
   double explicit_seconds(const Rates& rates, PetscInt n) const;
+  std::int64_t most_explicit_steps(PetscInt n) const;
+  void take_implicit();
 
   const AccuracyRequest& request_;
   Setting& setting_;
@@ -99,6 +105,10 @@ class LevelRuns {
   int count_ = 0;
   double spent_ = 0;
   bool friction_sets_steps_ = false;
+  // What a run that names no method would take: implicit where the scene is stiff; else explicit.
+  MethodSpec automatic_;
+  double explicit_steps_seen_ = 0;  // of a run that was given up for them; 0: of none
+  bool gave_up_implicit_ = false;
   std::string why_;
 };
 

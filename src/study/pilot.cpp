@@ -104,6 +104,10 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   if (most == 0) most = t_end_;
   const Scales scales = scales_of(model.scene()).least;
   const ErrorNorm norm{Tolerances::automatic(scales, setting.tolerance, setting.tolerance), norm_set()};
+  const auto fail = [&](Fault fault, const char* why) {
+    trial.fault = fault;
+    trial.failed = why;
+  };
   double t = 0, until = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
   for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
     if (t == until) {  // the start, or a corner of the load
@@ -117,7 +121,7 @@ Trial Pilot::run(const Setting& setting, double limit) const {
       dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest)
                            : when_not_finite;
       ++trial.rejections;
-      if (++rejected > most_rejections || t + dt == t) trial.failed = "the steps shrink to nothing";
+      if (++rejected > most_rejections || t + dt == t) fail(Fault::failed, "the steps shrink to nothing");
       continue;
     }
     std::swap(u, next);
@@ -132,12 +136,14 @@ Trial Pilot::run(const Setting& setting, double limit) const {
       dt = left;
     else if (left > 0 && 2 * dt > left)
       dt = left / 2;
+    if (trial.steps + trial.rejections >= setting.most_attempts) fail(Fault::too_many_steps, "too many steps");
     if (trial.steps % 64 == 0) {
       const double spent = processor_seconds() - begin;
       if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t))
-        trial.failed = "too long";
+        fail(Fault::too_slow, "too long");
     }
   }
+  trial.t = t;
   trial.rhs_evaluations = model.rhs_evaluations();
   if (trial.failed.empty()) {
     model.set_held(u);

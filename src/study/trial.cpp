@@ -20,12 +20,6 @@
 
 namespace stickslip {
 
-namespace {
-
-struct TooSlow {};
-
-}  // namespace
-
 std::int64_t most_steps(const Options& options) {
   return options.is_set("ts_max_steps") ? static_cast<std::int64_t>(options.real("ts_max_steps"))
                                         : std::numeric_limits<std::int64_t>::max();
@@ -98,10 +92,14 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const Model& model = problem.model;
   const Vec u = problem.u;
   const double t_end = options.real("ts_max_time");
-  const std::int64_t max_steps =
+  const std::int64_t allowed =
       prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
   const double begin = processor_seconds();
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
+  const auto fail = [&](Fault fault, const std::string& why) {
+    trial.fault = fault;
+    trial.failed = why;
+  };
   std::optional<Integrator> integrator;
   try {
     integrator.emplace(model, spec, u, prefix);
@@ -114,28 +112,33 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
       integrator->set_output_times([plan](double t) { return plan.next_time(t); });
     }
     warn_of_steps(model, *integrator, u, t_end);
-    simulate(*integrator, u, {0, t_end, max_steps}, observers, [&](const Integrator::Step& step) {
+    simulate(*integrator, u, {0, t_end, allowed}, observers, [&](const Integrator::Step& step) {
+      if (step.index + integrator->report().rejections >= setting.most_attempts) {
+        fail(Fault::too_many_steps, fmt::format("stopped after {} steps", step.index));
+        return Integrator::Verdict::stop;
+      }
       if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
       const double now = spent();
       // no need to wait for the end of what cannot get there
       const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
-      if (now > limit || hopeless) throw TooSlow();
-      return Integrator::Verdict::go_on;
+      if (!(now > limit || hopeless)) return Integrator::Verdict::go_on;
+      fail(Fault::too_slow, "stopped: it would take more than " + number_text(limit) + " s");
+      return Integrator::Verdict::stop;
     });
     if (measured) trial.measured = measured->values();
-    if (integrator->report().reason == "ts_max_steps")
-      trial.failed = "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time";
-  } catch (const TooSlow&) {
-    trial.failed = "stopped: it would take more than " + number_text(limit) + " s";
+    if (trial.fault == Fault::none && integrator->report().t < t_end)
+      fail(Fault::too_many_steps,
+           "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time");
   } catch (const UsageError&) {
     throw;
   } catch (const Error& e) {
     if (!e.collective() && ranks_in(PETSC_COMM_WORLD) > 1) throw;
-    trial.failed = e.what();
+    fail(Fault::failed, e.what());
   }
   trial.seconds = spent();
   if (integrator) {
     const TimeReport& r = integrator->report();
+    trial.t = r.t;
     trial.steps = r.steps;
     trial.rejections = r.rejections;
     trial.rhs_evaluations = r.rhs_evaluations;

@@ -200,7 +200,8 @@ ChartRow WorkPrecision::measure(const Setting& s) {
 bool WorkPrecision::looser_took_too_long(const Setting& s) const {
   return std::any_of(rows_.begin(), rows_.end(), [&](const ChartRow& other) {
     const Setting& o = other.setting;
-    return other.failed.rfind("stopped", 0) == 0 && o.method.name() == s.method.name() &&
+    const bool stopped = other.fault == Fault::too_slow || other.fault == Fault::too_many_steps;
+    return stopped && o.method.name() == s.method.name() &&
            o.method.implicit == s.method.implicit && o.order == s.order && o.n == s.n &&
            (s.method.can().has_estimate ? s.tolerance <= o.tolerance : s.step <= o.step);
   });
@@ -227,6 +228,7 @@ Trial WorkPrecision::repeated(const Setting& s, ChartRow& row) const {
   row.rejections = trial.rejections;
   row.rhs_evaluations = trial.rhs_evaluations;
   row.warnings = trial.warnings;
+  row.fault = trial.fault;
   row.failed = trial.failed;
   return trial;
 }

@@ -109,7 +109,8 @@ def audited(drawn):
         excess.append(estimate / max(error, ROUND_OFF))
         if error > accuracy or estimate > accuracy or (error > ROUND_OFF and estimate < error / 3):
             wrong.append(f"error {error:.1e} estimate {estimate:.1e} {text}")
-    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; {len(refused)} refused, "
+    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; estimate/error: least "
+          f"{min(excess):.2f}; {len(refused)} refused, "
           f"{unknown} unknown")
     assert len(refused) <= len(ratios) / 20, "\n".join(refused)
     assert unknown <= len(ratios) / 10

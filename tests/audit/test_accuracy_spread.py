@@ -59,7 +59,7 @@ def examined(words, medium, start, force, t_end, probes, accuracy, ranks=1):
 
 
 def audited(drawn, ranks=lambda index: 1):
-    wrong, ratios, refused = [], [], []
+    wrong, ratios, refused, excess = [], [], [], []
     for index, scene in drawn:
         words, *_, accuracy = scene
         error, made = examined(*scene, ranks=ranks(index))
@@ -68,9 +68,11 @@ def audited(drawn, ranks=lambda index: 1):
             refused.append(text + "\n    " + made["reason"])
             continue
         ratios.append(error / accuracy)
+        excess.append(made["error_estimate"] / error)
         if error > accuracy or not error / 3 <= made["error_estimate"] <= accuracy:
             wrong.append(f"error {error:.1e} estimate {made['error_estimate']:.1e} {text}")
-    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; {len(refused)} refused")
+    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; estimate/error: least "
+          f"{min(excess):.2f}; {len(refused)} refused")
     assert len(refused) <= len(ratios) / 20, "\n".join(refused)
     assert not wrong, "\n".join(wrong)
 

@@ -86,6 +86,20 @@ def test_stiff_parts_are_taken_implicitly():
     assert run(*slow, "-ts_max_time", 0.5, "-accuracy", 1e-4)["method"] == "rk:7vr"
 
 
+def test_friction_that_becomes_stiff_on_the_way():
+    """Blocks that slide at the start ask for few explicit steps; while they rest, rate-and-state friction asks for a hundred
+    thousand times as many. Explicit steps are given up then, and the same request ends in a tenth of a second."""
+    blocks = ["-model_form", "chain", "-grid_n", 4, "-bc_left", "free", "-friction_law", "rate-and-state", "-state_law", "ageing",
+              "-friction_a", 0.0786, "-friction_D", 0.1027, "-friction_psi0", 0.065333, "-model_v", 0.065333, "-model_m", 0.0456,
+              "-model_k0", 0.4112, "-model_k1", 0.1687, "-model_zeta", 0.5, "-init_psi", 0.080534, "-init_eta", "steady",
+              "-init_noise", 0.001307, "-friction_b", 0.3217, "-ts_max_time", 116.453, "-out_probes", "0,1,2,3"]
+    made = run(*blocks, "-accuracy", 2.7e-4)
+    assert made["method"].startswith("arkimex") and made["rhs_evaluations"] < 1e5, made["said"]
+    exact = run(*blocks, "-ts_rtol", 1e-10, "-ts_atol", "auto:1e-10")
+    error = max(abs(a[name] - b[name]) for a, b in zip(made["probes"], exact["probes"]) for name in ("psi", "eta"))
+    assert error <= made["error_estimate"] <= 2.7e-4, (error, made["error_estimate"])
+
+
 JUMP = ["-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", "-grid_length", 24]
 GAMMA, DELTA, V, HELD, BEGIN = 3, 0.2, 0.2, -1.5, 0.1
 POINT = System({"grid_n": 1, "grid_order": 2, "model_gamma": GAMMA, "model_delta": DELTA, "model_v": V})  # all alike

@@ -34,6 +34,7 @@ struct ChartRow {
   int repeats = 0;
   std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
+  Fault fault = Fault::none;
   std::string failed;  // "" or why there is no error
   std::vector<std::string> warnings;
   bool best = false;  // of chart_front()

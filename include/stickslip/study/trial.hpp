@@ -2,7 +2,9 @@
 // failed. The bricks of `chart` and of `accuracy`.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,7 +25,12 @@ struct Setting {
   double step = 0;          // ts_dt of a method without an error estimate, in units of time
   int order = 4;            // of the second difference in space
   PetscInt n = 0;           // nodes
+  // Accepted and rejected steps after which a run is given up.
+  std::int64_t most_attempts = std::numeric_limits<std::int64_t>::max();
 };
+
+// Why a run has no answer.
+enum class Fault { none, too_slow, too_many_steps, failed };
 
 // psi and eta at every node, on every rank; and, in a continuum whose friction differs along x, what
 // interpolation between nodes needs (probe.hpp): the stored state, if there is one, and the force of friction
@@ -48,10 +55,12 @@ struct Trial {
   std::vector<double> measured;  // what was to be measured beside it
   // of processor time, from setting the method up to the end, the largest over the ranks
   double seconds = 0;
+  double t = 0;  // reached
   std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
   std::string method, implicit;
-  std::string failed;  // "" or why
+  Fault fault = Fault::none;
+  std::string failed;  // "" or why, in words
   std::vector<std::string> warnings;
 };
 
