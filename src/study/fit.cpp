@@ -36,8 +36,11 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double step_tolerance = 1e-9;     // of the runs, unless the user sets it
 constexpr double difference = 1e-4;         // of a parameter; relative, or of a logarithm
 constexpr double widest = 6.9077552789821;  // ln 1000: how far a logarithm goes from the scene's value
-constexpr double most_spread = 1.1;         // ln 3: of the starts
+constexpr double most_spread = 1.1;         // ln 3: of the draws
+constexpr int draws_a_start = 8;            // of which the search begins at the best
+constexpr double same_basin = 0.15;         // of two draws, in units of the variables
 constexpr double gradient = 1e-10;          // a row: where the search ends
+constexpr double rough_gradient = 1e-5;     // and that which leads to where it begins
 constexpr double failed_run = 1e3;          // residual of a run that fails, in units of the data's scatter
 constexpr double same_place = 1e-3;         // of two ends of the search, in units of the variables
 constexpr double told_apart = 1e-5;         // ratio of singular values below which parameters are not
@@ -104,6 +107,31 @@ FitParameter parameter_of(const std::string& name, const Options& options) {
   return p;
 }
 
+// Dynamic friction above static friction is friction of another kind, which data of slips may have a minimum of
+// their own for. A scene that begins in this order stays in it.
+void put_in_order(std::vector<FitParameter>& parameters, const Scene& scene, const Options& options) {
+  const auto place_of = [&](const std::string& name) {
+    for (std::size_t k = 0; k < parameters.size(); ++k)
+      if (parameters[k].name == name) return int(k);
+    return -1;
+  };
+  const auto is_of_law = [&](const std::string& name) {
+    const std::vector<Parameter>& known = scene.friction.law->parameters;
+    return std::any_of(known.begin(), known.end(),
+                       [&](const Parameter& p) { return std::string("friction_") + p.name == name; });
+  };
+  const std::string above = "friction_fs";
+  for (const std::string below : {"friction_fd", "friction_fc"}) {
+    if (!is_of_law(below) || !is_of_law(above)) continue;
+    const double least = options.real(below), most = options.real(above);
+    if (!(least <= most)) continue;
+    const int k = place_of(below), j = place_of(above);
+    if (k >= 0 && j >= 0) parameters[k].at_most = j;
+    if (k >= 0 && j < 0) parameters[k].high = std::min(parameters[k].high, most);
+    if (k < 0 && j >= 0) parameters[j].low = std::max(parameters[j].low, least);
+  }
+}
+
 // When the load point has come so far.
 double time_at(double place, const Scene& scene, double end) {
   const auto way = [&](double t) { return scene.load.varies() ? scene.load.integral(t) : scene.v * t; };
@@ -147,6 +175,7 @@ FitProblem fit_problem(const Options& options) {
       if (other.name == p.name) throw usage_error("-fit_parameters: {} stands there twice", name);
     problem.parameters.push_back(p);
   }
+  put_in_order(problem.parameters, scene, problem.options);
   if (problem.data.size() < problem.parameters.size())
     throw usage_error("-fit_data: {} rows cannot tell {} parameters", problem.data.size(),
                       problem.parameters.size());
@@ -211,6 +240,28 @@ class FitSearch {
   }
   double low(std::size_t k) const { return variable(k, problem_.parameters[k].low); }
   double high(std::size_t k) const { return variable(k, problem_.parameters[k].high); }
+
+  // A place as the search sees it, within its bounds: of parameters in order the ratio in place of the lower.
+  Vector ordered(const Vector& x) const {
+    Vector z = x;
+    for (std::size_t k = 0; k < n_; ++k)
+      if (const int j = problem_.parameters[k].at_most; j >= 0) {
+        const double ratio = value(k, x[k]) / value(j, x[j]);
+        z[k] = problem_.parameters[k].logarithm ? std::log(ratio) : ratio;
+      }
+    return z.cwiseMax(least_).cwiseMin(most_);
+  }
+  Vector plain(const Vector& z) const {
+    Vector x = z;
+    for (std::size_t k = 0; k < n_; ++k)
+      if (const int j = problem_.parameters[k].at_most; j >= 0)
+        x[k] = variable(k, value(j, z[j]) * (problem_.parameters[k].logarithm ? std::exp(z[k]) : z[k]));
+    return x;
+  }
+  bool at_bound(const Vector& x, std::size_t k) const {
+    const Vector z = ordered(x);
+    return std::min(z[k] - least_[k], most_[k] - z[k]) < same_place;
+  }
   double unit() const { return unit_; }
   long runs() const { return runs_; }
   std::string method() const {
@@ -270,20 +321,42 @@ class FitSearch {
   // Of all that minimise() has met; empty before.
   const std::optional<Place>& best() const { return best_; }
 
-  // From x to a minimum.
-  Vector minimise(const Vector& x) {
+  // The residual's integral over time. Slips that do not fall together leave the residual as it is whatever
+  // their distance, its integral grows with that: it leads to the right slips from farther off.
+  Vector integral(const Vector& r) const {
+    if (rows_ == 1) return r;
+    const double mean = (problem_.times.back() - problem_.times.front()) / double(rows_ - 1);
+    Vector sum(rows_);
+    double total = 0;
+    for (std::size_t i = 0; i < rows_; ++i) {
+      const double part = i > 0 ? problem_.times[i] - problem_.times[i - 1] : mean;
+      sum[i] = total += r[i] * part / mean / std::sqrt(double(rows_));
+    }
+    return sum;
+  }
+
+  // From x to a minimum, of the residual or roughly of its integral.
+  Vector minimise(const Vector& x, bool integrated = false) {
+    integrated_ = integrated;
     {
       const Writing to(x_);
-      std::copy_n(x.data(), n_, static_cast<double*>(to));
+      const Vector z = within_reach(ordered(x));
+      std::copy_n(z.data(), n_, static_cast<double*>(to));
     }
     make_solver();  // anew: POUNDERS keeps vectors of every solution that it does not free
     SS_TRY(TaoSolve(tao_));
-    return vector_of(x_);
+    return plain(vector_of(x_));
   }
 
  private:
   void make_vectors();
   void make_solver();
+  // So far below the upper bounds that POUNDERS' first steps, which go up, stay within them.
+  Vector within_reach(const Vector& z) const {
+    PetscReal delta = 0.1;  // its own
+    SS_TRY(PetscOptionsGetReal(nullptr, nullptr, "-tao_pounders_delta", &delta, nullptr));
+    return z.cwiseMin((most_.array() - 1.01 * delta).matrix()).cwiseMax(least_);
+  }
   Vector vector_of(Vec v) const {
     const Reading a(v);
     return Eigen::Map<const Vector>(a, Eigen::Index(n_));
@@ -291,7 +364,7 @@ class FitSearch {
   static PetscErrorCode Residual(Tao, Vec x, Vec r, void* context) {
     return guarded([&] {
       auto& self = *static_cast<FitSearch*>(context);
-      const Vector at = self.vector_of(x);
+      const Vector at = self.plain(self.vector_of(x));
       const auto found = self.try_residual(at);
       if (found) {
         self.last_ = {at, *found};
@@ -299,13 +372,22 @@ class FitSearch {
         if (!self.best_ || squares < self.best_->squares) self.best_ = {at, squares};
       }
       const Writing to(r);
-      for (std::size_t i = 0; i < self.rows_; ++i) to[i] = found ? (*found)[i] : failed_run;
+      const Vector shown = found && self.integrated_ ? self.integral(*found) : found.value_or(Vector());
+      for (std::size_t i = 0; i < self.rows_; ++i) to[i] = found ? shown[i] : failed_run;
     });
   }
   static PetscErrorCode Jacobian(Tao, Vec x, Mat J, Mat, void* context) {
     return guarded([&] {
       auto& self = *static_cast<FitSearch*>(context);
-      const Eigen::MatrixXd found = self.jacobian(self.vector_of(x), false);
+      const Vector z = self.vector_of(x), at = self.plain(z);
+      Eigen::MatrixXd found = self.jacobian(at, false);
+      for (std::size_t k = 0; k < self.n_; ++k) {
+        const FitParameter& p = self.problem_.parameters[k];
+        if (p.at_most < 0) continue;
+        found.col(p.at_most) += (p.logarithm ? 1 : at[k]) * found.col(k);
+        if (!p.logarithm) found.col(k) *= self.value(p.at_most, z[p.at_most]) / self.measure(k);
+      }
+      for (std::size_t k = 0; k < self.n_ && self.integrated_; ++k) found.col(k) = self.integral(found.col(k));
       double* entries;
       SS_TRY(MatDenseGetArray(J, &entries));
       std::copy_n(found.data(), found.size(), entries);  // both column by column
@@ -321,6 +403,8 @@ class FitSearch {
   long runs_ = 0;
   std::optional<std::pair<Vector, Vector>> last_;  // x, and the residual there
   std::optional<Place> best_;
+  Vector least_, most_;  // bounds of the variables as the search sees them
+  bool integrated_ = false;
   TaoHandle tao_;
   VecHandle x_, r_, low_, high_;
   MatHandle J_;
@@ -333,10 +417,18 @@ void FitSearch::make_vectors() {
   SS_TRY(VecDuplicate(x_, high_.out()));
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(rows_), r_.out()));
   SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, PetscInt(rows_), PetscInt(n_), nullptr, J_.out()));
+  least_.resize(Eigen::Index(n_));
+  most_.resize(Eigen::Index(n_));
   const Writing lowest(low_), highest(high_);
   for (std::size_t k = 0; k < n_; ++k) {
-    lowest[k] = std::max(low(k), double(PETSC_NINFINITY));
-    highest[k] = std::min(high(k), double(PETSC_INFINITY));
+    const FitParameter& p = problem_.parameters[k];
+    const bool ratio = p.at_most >= 0;
+    least_[k] = !ratio        ? std::max(low(k), double(PETSC_NINFINITY))
+                : p.logarithm ? std::log(p.value / problem_.parameters[p.at_most].value) - widest
+                              : 0;
+    most_[k] = !ratio ? std::min(high(k), double(PETSC_INFINITY)) : p.logarithm ? 0 : 1;
+    lowest[k] = least_[k];
+    highest[k] = most_[k];
   }
 }
 
@@ -350,7 +442,7 @@ void FitSearch::make_solver() {
   SS_TRY(TaoSetVariableBounds(tao_, low_, high_));
   SS_TRY(TaoSetMaximumIterations(tao_, 500));
   SS_TRY(TaoSetMaximumFunctionEvaluations(tao_, 2000));
-  SS_TRY(TaoSetTolerances(tao_, gradient * double(rows_), 0, 0));
+  SS_TRY(TaoSetTolerances(tao_, (integrated_ ? rough_gradient : gradient) * double(rows_), 0, 0));
   SS_TRY(TaoSetFromOptions(tao_));
 }
 
@@ -394,16 +486,43 @@ void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& proble
   }
 }
 
-// The first start is the scene's; the others are drawn around it, near it and farther off in turn.
-Eigen::VectorXd drawn(const FitSearch& search, const FitProblem& problem, int start) {
-  Eigen::VectorXd x = search.scene_values();
-  const double spread = most_spread / double(1 << (2 - (start + 2) % 3));
-  for (std::size_t k = 0; k < problem.parameters.size() && start > 0; ++k) {
-    const double u = counter_uniform(problem.seed, PetscInt(start * problem.parameters.size() + k));
-    const double width = problem.parameters[k].logarithm ? spread : spread * std::max(std::abs(x[k]), 0.1);
-    x[k] = std::clamp(x[k] + (2 * u - 1) * width, search.low(k), search.high(k));
+// Around the scene's values, near them and farther off in turn.
+Eigen::VectorXd drawn(const FitSearch& search, const FitProblem& problem, int number) {
+  Eigen::VectorXd z = search.ordered(search.scene_values());
+  const double spread = most_spread / double(1 << (2 - (number + 2) % 3));
+  for (std::size_t k = 0; k < problem.parameters.size(); ++k) {
+    const double u = counter_uniform(problem.seed, PetscInt(number * problem.parameters.size() + k));
+    const double width = problem.parameters[k].logarithm ? spread : spread * std::max(std::abs(z[k]), 0.1);
+    z[k] += (2 * u - 1) * width;
   }
-  return x;
+  return search.plain(search.ordered(search.plain(z)));  // within bounds
+}
+
+bool beside(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double distance) {
+  const Eigen::ArrayXd scale = b.array().abs().max(1);
+  return ((a - b).array().abs() < distance * scale).all();
+}
+
+// Where the searches begin: at the scene's values, then at the draws that come nearest and lie apart.
+std::vector<Eigen::VectorXd> places_to_begin(FitSearch& search, const FitProblem& problem) {
+  std::vector<FitSearch::Place> draws;
+  for (int number = 1; number <= draws_a_start * (problem.starts - 1); ++number) {
+    const Eigen::VectorXd x = drawn(search, problem, number);
+    const auto r = search.try_residual(x);
+    draws.push_back({x, r ? search.integral(*r).squaredNorm() : HUGE_VAL});
+  }
+  std::stable_sort(draws.begin(), draws.end(),
+                   [](const auto& a, const auto& b) { return a.squares < b.squares; });
+  std::vector<Eigen::VectorXd> places{search.scene_values()};
+  for (const double apart : {same_basin, 1e-12})  // the second where too few lie apart
+    for (const FitSearch::Place& draw : draws) {
+      const bool taken = std::any_of(places.begin(), places.end(), [&](const Eigen::VectorXd& place) {
+        return beside(draw.x, place, apart);
+      });
+      if (int(places.size()) < problem.starts && !taken) places.push_back(draw.x);
+    }
+  places.resize(problem.starts, search.scene_values());
+  return places;
 }
 
 // Whether the course depends on a parameter there. One that only takes the run along other steps changes the
@@ -417,12 +536,19 @@ bool has_effect(FitSearch& search, const FitProblem& problem, const Eigen::Vecto
 }
 
 // Throws UsageError where a run does not depend on a parameter, neither at the scene's values nor beside
-// them, where the others do not hide it.
+// them, where the others do not hide it: at the first of a few draws whose run comes to its end.
 void check_effect(FitSearch& search, const FitProblem& problem) {
-  for (std::size_t k = 0; k < problem.parameters.size(); ++k)
-    if (!has_effect(search, problem, search.scene_values(), k) &&
-        !has_effect(search, problem, drawn(search, problem, 1), k))
+  constexpr int most_draws = 5;
+  for (std::size_t k = 0; k < problem.parameters.size(); ++k) {
+    bool found = has_effect(search, problem, search.scene_values(), k), asked = false;
+    for (int number = 1; number <= most_draws && !found && !asked; ++number) {
+      const Eigen::VectorXd x = drawn(search, problem, number);
+      asked = search.try_residual(x).has_value();
+      found = asked && has_effect(search, problem, x, k);
+    }
+    if (!found)
       throw usage_error("-fit_parameters {}: it has no effect on these data", problem.parameters[k].name);
+  }
 }
 
 }  // namespace
@@ -440,23 +566,27 @@ Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& bes
     for (std::size_t k = 0; k < fit.parameters.size(); ++k) {
       FitParameter& p = fit.parameters[k];
       p.value = search.value(k, best.x[k]);
-      p.at_bound = std::min(best.x[k] - search.low(k), search.high(k) - best.x[k]) < same_place;
+      p.at_bound = search.at_bound(best.x, k);
     }
+    for (FitParameter& p : fit.parameters)
+      if (p.at_most >= 0) p.high = fit.parameters[p.at_most].value;
     fit.residual = search.unit() * std::sqrt(best.squares / double(problem.data.size()));
-    fit.same = int(std::count_if(ends.begin(), ends.end(), [&](const Place& end) {
-      const Eigen::ArrayXd scale = best.x.array().abs().max(1);
-      return ((end.x - best.x).array().abs() < same_place * scale).all();
-    }));
+    fit.same = int(std::count_if(ends.begin(), ends.end(),
+                                 [&](const Place& end) { return beside(end.x, best.x, same_place); }));
     fit.runs = search.runs();
     if (told) told(fit);
   };
+  Pulse::stage("draws");
+  const std::vector<Eigen::VectorXd> places = places_to_begin(search, problem);
   for (int start = 0; start < problem.starts; ++start) {
     Pulse::stage(fmt::format("start {} of {}", start + 1, problem.starts));
     Eigen::VectorXd x;
-    keeping_what_is_found([&] { x = search.minimise(drawn(search, problem, start)); },
-                          [&] {
-                            if (search.best()) tell(*search.best());
-                          });
+    const bool is_led = start % 2 == 1;
+    keeping_what_is_found(
+        [&] { x = search.minimise(is_led ? search.minimise(places[start], true) : places[start]); },
+        [&] {
+          if (search.best()) tell(*search.best());
+        });
     const auto r = search.try_residual(x);
     if (!r) continue;
     ends.push_back({x, r->squaredNorm()});
