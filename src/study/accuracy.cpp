@@ -83,13 +83,14 @@ struct AccuracyPlan::Impl {
   double fineness(const Level& l) const { return has_space() ? cells_of(l.scene) : 1 / l.tolerance; }
   double last() const { return fineness(levels.back()); }
   // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
-  bool smooth() const { return setting.method.is_explicit() && request.scene.friction.smooth(); }
-  bool scatters() const { return setting.method.is_explicit() && !smooth(); }
+  bool smooth() const { return setting.method.can().is_explicit && request.scene.friction.smooth(); }
+  bool scatters() const { return setting.method.can().is_explicit && !smooth(); }
   double slope_in_time() const { return smooth() ? 1 : 0.75; }
   // Whether rates are what they are from the beginning, and do not rise as fronts are resolved.
   bool steady() const { return !has_space() || runs.jump() || request.corner_order <= 2; }
-  double loosest() const { return setting.method.is_explicit() ? 1e-2 : 1e-4; }
-  double lead() const { return setting.method.is_explicit() ? 10 : 4; }  // of the last level, without a grid
+  double loosest() const { return setting.method.can().is_explicit ? 1e-2 : 1e-4; }
+  // of the last level, without a grid
+  double lead() const { return setting.method.can().is_explicit ? 10 : 4; }
 
   // ---- how errors fall ----
 
@@ -172,7 +173,7 @@ struct AccuracyPlan::Impl {
     if (next == 0) {
       tolerance = request.tolerance_open ? std::clamp(0.2 * share_of_time * aim, least_tolerance, 1e-4)
                                          : setting.tolerance;
-      const double aimed = (setting.method.is_explicit() ? 10 : 0.1) * aim;
+      const double aimed = (setting.method.can().is_explicit ? 10 : 0.1) * aim;
       next = has_space() ? first_cells() : 1 / std::clamp(aimed, 1e-12, loosest());
     }
     try {
@@ -192,7 +193,7 @@ struct AccuracyPlan::Impl {
     if (has_space())
       next = last() * (!request.grid_open && last() > cells_of(request.scene) ? 1 / 1.5 : cheap ? 2 : 1.5);
     else
-      next = std::min(last() * (setting.method.is_explicit() ? 1000 : 10), 1 / least_tolerance);
+      next = std::min(last() * (setting.method.can().is_explicit ? 1000 : 10), 1 / least_tolerance);
   }
 
   void add(Level made) {
@@ -455,20 +456,20 @@ struct AccuracyPlan::Impl {
   void finish() {
     const Options& asked = request.options;
     chosen = has_space() ? options_for(asked, setting) : asked;
-    if (!setting.method.splits() || setting.method.implicit != "auto")
+    if (!setting.method.can().splits || setting.method.implicit != "auto")
       chosen = chosen.with("imex_implicit", setting.method.implicit);
     const auto set = [&](const std::string& name, const std::string& value) {
       if (!asked.is_set(name)) chosen = chosen.with(name, value);
     };
     set("ts_type", setting.method.type);
-    if (const std::string sub = subtype_option(setting.method.type); !sub.empty())
+    if (const std::string sub = setting.method.can().subtype_option; !sub.empty())
       set(sub, setting.method.subtype);
     if (const double step = runs.pilot().longest_step(setting); step > 0)
       set("ts_adapt_dt_max", number_text(step));
     set("ts_rtol", number_text(setting.tolerance));
     set("ts_atol", "auto:" + number_text(setting.tolerance));
     what = setting.method.name();
-    if (setting.method.splits()) what += " (implicit: " + setting.method.implicit + ")";
+    if (setting.method.can().splits) what += " (implicit: " + setting.method.implicit + ")";
     what += fmt::format(", tolerance {:.2g}", setting.tolerance);
     if (has_space()) what += fmt::format(", order {}, n = {}", setting.order, setting.n);
     what += fmt::format(", after {} short runs", runs.count());

@@ -107,8 +107,8 @@ FitParameter parameter_of(const std::string& name, const Options& options) {
   return p;
 }
 
-// Dynamic friction above static friction is friction of another kind, which data of slips may have a minimum of
-// their own for. A scene that begins in this order stays in it.
+// Dynamic friction above static friction is friction of another kind, for which data of slips may have a
+// minimum of their own. A scene that begins in this order stays in it.
 void put_in_order(std::vector<FitParameter>& parameters, const Scene& scene, const Options& options) {
   const auto place_of = [&](const std::string& name) {
     for (std::size_t k = 0; k < parameters.size(); ++k)
@@ -387,7 +387,8 @@ class FitSearch {
         found.col(p.at_most) += (p.logarithm ? 1 : at[k]) * found.col(k);
         if (!p.logarithm) found.col(k) *= self.value(p.at_most, z[p.at_most]) / self.measure(k);
       }
-      for (std::size_t k = 0; k < self.n_ && self.integrated_; ++k) found.col(k) = self.integral(found.col(k));
+      for (std::size_t k = 0; k < self.n_ && self.integrated_; ++k)
+        found.col(k) = self.integral(found.col(k));
       double* entries;
       SS_TRY(MatDenseGetArray(J, &entries));
       std::copy_n(found.data(), found.size(), entries);  // both column by column

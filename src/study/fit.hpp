@@ -4,9 +4,9 @@
 // their logarithms. PETSc's TAO minimises, by POUNDERS, which models r from its values at a few places (Wild,
 // in: Advances and Trends in Optimization (2017) 529): no derivative of a run is needed, whose course may
 // have corners. It begins at the scene's values and then at the best of draws around them, several for each
-// start, that lie apart: a course of slips has a minimum for each number of slips that fall together. With the
-// derivatives by differences of runs that TAO's Gauss and Newton's method (-tao_type brgn) is given here it
-// takes ten times as many runs.
+// start, that lie apart: a course of slips has a minimum for each number of slips that fall together. Every
+// second search minimises the integral of r over time first, roughly. With the derivatives by differences of
+// runs that TAO's Gauss and Newton's method (-tao_type brgn) is given here it takes ten times as many runs.
 //
 // Errors and correlations are those of the linearised problem at the minimum: covariance s^2 (J^T J)^-1, s^2
 // = |r|^2/(rows - parameters).
@@ -31,8 +31,8 @@ struct FitParameter {
   double error = 0;  // standard error; NaN where the data do not tell
   double low, high;  // of the search
   bool logarithm;
-  // Place in the list of the parameter that this one never exceeds, as dynamic friction does not exceed static
-  // friction; -1: none. Sought is then the ratio of the two.
+  // Place in the list of the parameter that this one never exceeds, as dynamic friction does not exceed
+  // static friction; -1: none. Sought is then the ratio of the two.
   int at_most = -1;
   bool at_bound = false;
 };

@@ -173,7 +173,8 @@ bool LevelRuns::affords(double seconds) const {
 Level LevelRuns::run(PetscInt n, double tolerance) {
   Setting s{setting_.method, tolerance, 0, setting_.order, n};
   // The start does not tell how fast friction acts later on.
-  const bool may_stop = s.method.is_explicit() && !automatic_.is_explicit() && explicit_steps_seen_ == 0;
+  const bool may_stop =
+      s.method.can().is_explicit && !automatic_.can().is_explicit && explicit_steps_seen_ == 0;
   if (may_stop) s.most_attempts = most_explicit_steps(n);
   ++count_;
   Trial made = trial(s, std::max(1., request_.options.real("accuracy_seconds") - spent_));
@@ -245,7 +246,8 @@ void LevelRuns::choose_method(double tolerance) {
   // the first levels of an implicit method take longer than that
   constexpr double cheap = 2e-3;
   const bool is_cheap = explicit_seconds(start.rates, setting_.n) < cheap;
-  if (!automatic_.is_explicit() && (request_.options.is_set("imex_implicit") || !is_cheap)) take_implicit();
+  const bool wanted = request_.options.is_set("imex_implicit");
+  if (!automatic_.can().is_explicit && (wanted || !is_cheap)) take_implicit();
 }
 
 // About what a step by a method takes, the solving of its equations included. What decides between
@@ -301,7 +303,7 @@ void LevelRuns::take_implicit() {
 
 bool LevelRuns::take_other() {
   if (!request_.method_open) return false;
-  const bool is_explicit = setting_.method.is_explicit();
+  const bool is_explicit = setting_.method.can().is_explicit;
   if (is_explicit && (explicit_steps_seen_ == 0 || gave_up_implicit_)) return false;
   gave_up_implicit_ = !is_explicit;
   is_explicit ? take_implicit() : take_explicit();

@@ -136,7 +136,8 @@ Trial Pilot::run(const Setting& setting, double limit) const {
       dt = left;
     else if (left > 0 && 2 * dt > left)
       dt = left / 2;
-    if (trial.steps + trial.rejections >= setting.most_attempts) fail(Fault::too_many_steps, "too many steps");
+    if (trial.steps + trial.rejections >= setting.most_attempts)
+      fail(Fault::too_many_steps, "too many steps");
     if (trial.steps % 64 == 0) {
       const double spent = processor_seconds() - begin;
       if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t))

@@ -57,8 +57,8 @@ PartsOfStep parts_of(Implicit implicit);
 // every Integrator does it too.
 void register_time_steppers();
 
-// What ends a run on its way: a solution that is not finite, equations of a step that Newton's method does not
-// solve.
+// What ends a run on its way: a solution that is not finite, equations of a step that Newton's method does
+// not solve.
 class NotFinite : public Failure {
  public:
   using Failure::Failure;
