@@ -6,7 +6,7 @@
 #include "catch.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/cycle_waves.hpp"
-#include "cycles/infinite_period.hpp"
+#include "numerics/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/bloch.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
@@ -55,8 +55,8 @@ CycleBranch branch_in_v(const std::function<Scene(double)>& at, double from, dou
     s.n = 1;
     return s;
   };
-  const auto path = smooth_path(node, from, std::abs(to - from), first);
-  return continue_cycle(*path, first.cycle, "v", from, to, steps, watch);
+  const auto path = smooth_family(node, from, std::abs(to - from), first);
+  return continue_cycle(*path, {"v", from, to, steps}, watch);
 }
 
 const SpecialPoint* find(const CycleBranch& branch, const std::string& kind) {
@@ -279,11 +279,11 @@ TEST_CASE("a branch finds where waves begin to grow", "[cycle][serial]") {
   };
   const auto special = [&](double from, double to, const std::string& kind) {
     const SmoothCycle first = uniform_cycle(at(from));
-    const auto path = smooth_path(at, from, std::abs(to - from), first);
+    const auto path = smooth_family(at, from, std::abs(to - from), first);
     const CycleWatch watch = [&](double, const Cycle&) {
       return watch_waves(bloch_spectrum(smooth_candidate(*path), 50));
     };
-    const CycleBranch branch = continue_cycle(*path, first.cycle, "v", from, to, 20, watch);
+    const CycleBranch branch = continue_cycle(*path, {"v", from, to, 20}, watch);
     const SpecialPoint* found = find(branch, kind);
     REQUIRE(found);
     CHECK(branch.points.front().stable != branch.points.back().stable);
@@ -449,8 +449,8 @@ TEST_CASE("as springs grow soft the period grows beyond bounds, at k0 = 0", "[cy
     return soft;
   };
   const SmoothCycle first = uniform_cycle(at(0.2));
-  const auto path = smooth_path(at, 0.2, 0.2, first);
-  const CycleBranch branch = continue_cycle(*path, first.cycle, "k0", 0.2, 0, 100);
+  const auto path = smooth_family(at, 0.2, 0.2, first);
+  const CycleBranch branch = continue_cycle(*path, {"k0", 0.2, 0, 100});
   REQUIRE(branch.special.size() == 1);
   CHECK(branch.special[0].kind == "infinite-period");
   CHECK(std::abs(branch.special[0].value) < 0.2e-8);

@@ -37,13 +37,13 @@ CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, cons
                           double to, int steps, bool with_waves) {
   const double from = options.real(name);
   const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
-  const std::unique_ptr<CyclePath> path = smooth_path(cell_at, from, std::abs(to - from), first);
+  const std::unique_ptr<CycleFamily> path = smooth_family(cell_at, from, std::abs(to - from), first);
   CycleWatch watch;
   if (with_waves)
     watch = [&path](double, const Cycle&) {
       return watch_waves(bloch_spectrum(smooth_candidate(*path), wavenumbers_of_branch));
     };
-  return continue_cycle(*path, first.cycle, name, from, to, steps, watch);
+  return continue_cycle(*path, {name, from, to, steps}, watch);
 }
 
 FoundCycle smooth(const Options& options, const Scene& cell, const SmoothCycle& cycle) {
@@ -61,14 +61,14 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
                          int steps, bool with_waves) {
   const double from = options.real(name);
   const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
-  const std::unique_ptr<CyclePath> path = stick_path(cell_at, from, std::abs(to - from), first);
+  const std::unique_ptr<CycleFamily> path = stick_family(cell_at, from, std::abs(to - from), first);
   CycleWatch watch;
   if (with_waves)
     watch = [&path, cell_at](double value, const Cycle& cycle) {
       return watch_waves(
           bloch_spectrum(stick_candidate(*path), cycle, cell_at(value), wavenumbers_of_branch));
     };
-  return continue_cycle(*path, path->cycle(), name, from, to, steps, watch);
+  return continue_cycle(*path, {name, from, to, steps}, watch);
 }
 
 [[noreturn]] void refuse_fate(const std::string& none, const StickFate& fate) {

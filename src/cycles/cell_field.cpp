@@ -79,6 +79,12 @@ void CellField::numbers(const double* y, std::size_t k, double* into) const {
   std::copy_n(y + k * w + (massless_ ? 0 : 1), dof_ - 1, into + 1);
 }
 
+std::vector<int> CellField::velocities() const {
+  std::vector<int> all;
+  for (int a = 0; a < dim() && !massless_; a += dof_) all.push_back(a);
+  return all;
+}
+
 // The row of D2 of one node.
 void CellField::couple(PetscInt node) {
   const auto place = [&](PetscInt of) {

@@ -13,11 +13,6 @@ double growth_rate(const Cycle& cycle) {
   return largest > 0 ? std::log(largest) / cycle.period : -std::numeric_limits<double>::infinity();
 }
 
-Passing passing(std::complex<double> mu) {
-  if (std::abs(mu.imag()) > 1e-6 * std::abs(mu)) return Passing::as_pair;
-  return mu.real() > 0 ? Passing::at_one : Passing::at_minus_one;
-}
-
 double least_along(const Cycle& cycle, double v) { return v < 0 ? -cycle.psi_max : cycle.psi_min; }
 
 void measure(Cycle& cycle) {

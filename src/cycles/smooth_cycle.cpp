@@ -79,12 +79,9 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
     return field->periods() > 0 ? std::abs(coarse.q() - fine.q()) / unit
                                 : std::abs(std::expm1(coarse.q() - fine.q()));
   };
-  std::vector<int> velocities;  // among the unknowns
-  for (int a = 0; a < field->dim() && field->width() == field->dof(); a += field->dof())
-    velocities.push_back(a);
   if (solve(s))
     if (auto found = solve_to_accuracy<PeriodicEquations>(
-            solve, std::move(s), {tolerance, d > 3 ? 8. : 12., velocities, {}, change, "the cycle"}))
+            solve, std::move(s), {tolerance, d > 3 ? 8. : 12., field->velocities(), {}, change, "the cycle"}))
       return finished(field, found->solution.equations, found->solution.x, phase, found->estimate);
   throw Failure("Newton's method does not converge to a cycle of period near " + rounded_text(guess.period));
 }

@@ -1,11 +1,15 @@
 #include "stickslip/numerics/continuation.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/pulse.hpp"
+#include "numerics/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -22,30 +26,143 @@ Place of_length_one(Place p) {
   return p;
 }
 
-Continuation::Continuation(BranchPath& path, std::string name, double from, double to, int steps)
-    : path_(path), name_(std::move(name)), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps),
-      longest_(std::max(.02, std::min(.2, 4. / steps))), ds_(longest_ / 2) {}
+Passing passing(std::complex<double> mu) {
+  if (std::abs(mu.imag()) > 1e-6 * std::abs(mu)) return Passing::as_pair;
+  return mu.real() > 0 ? Passing::at_one : Passing::at_minus_one;
+}
 
-void Continuation::begin() {
-  here_ = path_.place();
+namespace {
+
+using std::size_t;
+
+// Special points by the way in which a multiplier passes the unit circle; where the parameter turns as well,
+// that at 1 is a fold.
+constexpr const char* kinds[] = {"branch", "flip", "torus"};
+
+// How many multipliers, conjugate pairs once, lie outside of the unit circle by each way to pass it.
+using Signature = std::array<int, 3>;
+Signature signature(const Look& look) {
+  Signature s{};
+  for (const std::complex<double> mu : look.multipliers)
+    if (std::abs(mu) > 1 && (passing(mu) != Passing::as_pair || mu.imag() > 0)) ++s[size_t(passing(mu))];
+  return s;
+}
+
+// How many of them that is.
+int outside(const Signature& s) { return s[0] + s[1] + 2 * s[2]; }
+
+bool near_one(const Look& look) {
+  constexpr double near = 0.2;
+  return std::any_of(look.multipliers.begin(), look.multipliers.end(),
+                     [](std::complex<double> mu) { return std::abs(mu - 1.) < near; });
+}
+
+constexpr double most_periods = 1e8;
+constexpr double long_steps_from = 4, long_step = .3;  // times the first period
+constexpr double shortest = 1e-9;                      // step
+// The parameter's share of the tangent that is a direction: a canard's parameter stands still to the last
+// digit.
+constexpr double directed = 1e-9;
+// Changes nearer to each other are one: where other solutions branch off, the solution itself is known to
+// some 1e-7 only, by which two multipliers that pass 1 together come apart by up to 1e-6.
+constexpr double beyond = 1e-5;
+
+class Walk {
+ public:
+  Walk(Family& family, const Way& way, Follow until, const std::function<void(Look&)>& watch)
+      : family_(family), words_(family.words()), way_(way), watch_(watch),
+        while_stable_(until == Follow::while_stable), range_(std::abs(way.to - way.from)),
+        longest_(std::max(.02, std::min(.2, 4. / way.steps))), ds_(longest_ / 2) {}
+  Followed along();
+
+ private:
+  using End = std::optional<std::string>;  // why a branch ends, in words
+
+  void begin();
+  std::string steps();
+  End step();
+  void accept();  // the branch stands at the candidate
+  double longest() const;
+  std::string stuck(const std::string& refusal);
+  std::shared_ptr<Look> look();
+
+  void go(double distance);  // the candidate at this distance along the tangent
+  void add(const std::string& kind, double distance);
+  double locate(const std::string& kind, const std::function<double()>& test, double before, double after);
+  [[noreturn]] static void passed_unseen(const std::string& kind, const std::string& why);
+  void find_special(const Place& tangent);
+  double find_fold(const Place& tangent);
+  void find_tests();
+  Signature signature_at(double distance, const std::string& what);
+  void find_changes(double from, Signature now, double to, const Signature& after);
+  void name_change(const Signature& before, const Signature& after, double distance);
+  std::string end_where_it_repels();
+  std::string end_at_hopf();
+  std::optional<double> infinite_period() const;
+  const Look& first() const { return *branch_.points.front(); }
+
+  Family& family_;
+  const Family::Words words_;
+  const Way& way_;
+  const std::function<void(Look&)>& watch_;
+  const bool while_stable_;
+  const double range_, longest_;
+  double ds_;
+
+  Followed branch_;
+  Place here_, t_;                      // where the branch stands, and its tangent
+  double heading_ = 0;                  // of the parameter, as it was known last
+  std::shared_ptr<Look> last_, seen_;   // there, and of the candidate
+  double length_ = 0;                   // at which go() finds the candidate of this step
+  bool strayed_ = false;                // the family has been elsewhere since
+  std::vector<std::pair<double, SpecialPoint>> passed_;  // in this step, by their distances
+};
+
+std::shared_ptr<Look> Walk::look() {
+  std::shared_ptr<Look> seen = family_.look();
+  if (watch_) watch_(*seen);
+  return seen;
+}
+
+void Walk::begin() {
+  here_ = family_.place();
   Place ahead(here_.size());
-  ahead.back() = to_ > from_ ? 1 : -1;
-  t_ = path_.tangent(ahead);
+  ahead.back() = way_.to > way_.from ? 1 : -1;
+  t_ = family_.tangent(ahead);
+  heading_ = ahead.back();
   accept();
 }
 
-void Continuation::accept() {
-  path_.accept();
-  here_ = path_.place();
-  if (const std::optional<Place> renewed = path_.renewed()) t_ = *renewed;
+void Walk::accept() {
+  family_.accept();
+  here_ = family_.place();
+  if (const std::optional<Place> renewed = family_.renewed()) t_ = *renewed;
+  if (std::abs(t_.back()) > directed) heading_ = t_.back() < 0 ? -1 : 1;
 }
 
-Continuation::End Continuation::follow() {
+Followed Walk::along() {
+  try {
+    begin();
+  } catch (const Failure&) {
+    throw Failure("the " + words_.solution + " does not change with " + way_.name +
+                  ", or its branch turns back at once");
+  }
+  last_ = look();
+  branch_.points.push_back(last_);
+  try {
+    branch_.end = steps();
+  } catch (const Interrupted& e) {  // the next beat tells it again
+    branch_.end = std::string("stopped by ") + e.what();
+  }
+  return std::move(branch_);
+}
+
+std::string Walk::steps() {
   std::string refusal;
-  for (int taken = 0; taken < steps_;) {
-    if (ds_ < 1e-9) return stuck(refusal);
+  for (int taken = 0; taken < way_.steps;) {
+    if (ds_ < shortest) return stuck(refusal);
     try {
-      if (End end = step()) return end;
+      if (End end = step()) return *end;
       ++taken;
       beat("points of branches");
     } catch (const Error& e) {
@@ -53,12 +170,12 @@ Continuation::End Continuation::follow() {
       refusal = e.what();
     }
   }
-  return std::nullopt;
+  return words_.steps + " " + std::to_string(way_.steps) + " taken";
 }
 
-Continuation::End Continuation::step() {
+Walk::End Walk::step() {
   // the last step goes to the end value exactly
-  const double ahead = t_.back() != 0 ? (to_ / range_ - here_.back()) / t_.back() : -1;
+  const double ahead = t_.back() != 0 ? (way_.to / range_ - here_.back()) / t_.back() : -1;
   const bool arrive = ahead > 0 && ahead <= 1.5 * ds_;
   const double length = arrive ? ahead : ds_;
   Place row = t_;
@@ -66,61 +183,336 @@ Continuation::End Continuation::step() {
     std::fill(row.begin(), row.end(), 0.);
     row.back() = 1;
   }
-  const auto to_the_end = [&] { path_.go(length, row, arrive ? to_ / range_ : dot(t_, here_) + length); };
+  const auto to_the_end = [&] {
+    family_.solve(length, row, arrive ? way_.to / range_ : dot(t_, here_) + length);
+  };
   to_the_end();
-  Place moved = path_.place();
-  for (std::size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
+  Place moved = family_.place();
+  for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
   if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
-  // at which go() finds this place: length, but not on arrival
-  const double distance = dot(t_, moved);
-  if (End end = reached(distance)) return end;
-  Place tangent = path_.tangent(t_);
+  length_ = dot(t_, moved);  // `length`, but not on arrival
+  passed_.clear();
+  seen_ = look();
+  if ((seen_->amplitude < 0) != (last_->amplitude < 0)) return end_at_hopf();
+  Place tangent = family_.tangent(t_);
   // turning by more than a quarter of a right angle: the step was too long to trust
   const double cosine = dot(t_, tangent);
   if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
   strayed_ = false;
-  if (End end = turned(distance, tangent)) return end;
+  find_special(tangent);
+  if (while_stable_ && last_->stable && !seen_->stable) return end_where_it_repels();
   if (strayed_) {
     to_the_end();
-    tangent = path_.tangent(t_);
+    tangent = family_.tangent(t_);
   }
   t_ = tangent;
   accept();
-  if (End end = accepted()) return end;
-  if (arrive) return "reached " + name_ + " = " + rounded_text(to_, 8);
-  if ((value() - from_) * (to_ - from_) < 0)
-    return "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
+  for (auto& [distance, point] : passed_) branch_.special.push_back(std::move(point));
+  last_ = seen_;
+  branch_.points.push_back(last_);
+  if (const std::optional<double> limit = infinite_period()) {
+    branch_.special.push_back({"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0,
+                               branch_.points.size() - 1});
+    return "the period grows without bound at " + way_.name + " = " + rounded_text(*limit, 8) +
+           ": the limit of the branch, left at a period of " + rounded_text(last_->period, 8);
+  }
+  if (last_->period > most_periods * first().period)
+    return "the period has grown to " + rounded_text(last_->period, 4) + ", and where " + way_.name +
+           " goes to is not known to 1e-8 of its range";
+  if (arrive) return "reached " + way_.name + " = " + rounded_text(way_.to, 8);
+  if ((last_->value - way_.from) * (way_.to - way_.from) < 0)
+    return "the branch came back past its start, " + way_.name + " = " + rounded_text(way_.from, 8);
   if (cosine > .98) ds_ = std::min(longest(), 1.4 * ds_);
   return std::nullopt;
 }
 
-void Continuation::go(double distance) {
-  strayed_ = true;
-  path_.go(distance, t_, dot(t_, here_) + distance);
+// A straight branch towards an infinite period is a curve of ln T alone.
+double Walk::longest() const {
+  return last_->period > long_steps_from * first().period ? std::max(longest_, long_step) : longest_;
 }
 
-void Continuation::passed_unseen(const std::string& kind, const std::string& why) {
+std::string Walk::stuck(const std::string& refusal) {
+  const Family::Ending ending = family_.ending(*last_);
+  if (!ending.kind.empty())
+    branch_.special.push_back({ending.kind, last_->value, last_->period, 0, branch_.points.size() - 1});
+  if (!ending.words.empty())
+    return ending.words + " at " + way_.name + " = " + rounded_text(last_->value, 10);
+  return "no " + words_.solution + " is found beyond " + way_.name + " = " + rounded_text(last_->value, 12) +
+         ": " + refusal;
+}
+
+void Walk::go(double distance) {
+  strayed_ = true;
+  family_.solve(distance, t_, dot(t_, here_) + distance);
+}
+
+// A point that cannot be reached from here: a shorter step may reach it, and is not taken past it in
+// silence.
+void Walk::passed_unseen(const std::string& kind, const std::string& why) {
   throw Failure("a special point (" + kind + ") is passed that cannot be located: " + why);
 }
 
-std::optional<double> Continuation::locate(const std::string& kind, const std::function<double()>& test,
-                                           double length, double before, double after) {
-  std::string why;
+// The candidate, at this distance, is special. In order along the step.
+void Walk::add(const std::string& kind, double distance) {
+  const std::shared_ptr<Look> there = kind == "wave" ? look() : family_.look();
+  const SpecialPoint point{kind,
+                           there->value,
+                           there->period,
+                           kind == "wave" ? there->wavenumber : 0,
+                           branch_.points.size() - 1,
+                           there};
+  const auto behind = std::find_if(passed_.begin(), passed_.end(),
+                                   [&](const auto& other) { return other.first > distance; });
+  passed_.insert(behind, {distance, point});
+}
+
+// The distance at which the test function of the candidate, whose values at the ends of the step are given,
+// changes its sign.
+double Walk::locate(const std::string& kind, const std::function<double()>& test, double before,
+                    double after) {
+  std::string why = "its test function is not known everywhere";
   const auto at = [&](double distance) {
     try {
       go(distance);
+      return test();
     } catch (const Error& e) {
       why = e.what();
       return std::nan("");
     }
-    return test();
   };
-  const double zero = find_root(at, {0, before, length, after}, 1e-11);
-  if (std::isnan(zero) && !why.empty()) passed_unseen(kind, why);
-  if (std::isnan(zero)) return std::nullopt;
+  const double zero = find_root(at, {0, before, length_, after}, 1e-11);
+  if (std::isnan(zero)) passed_unseen(kind, why);
   go(zero);
-  const bool jumps = !(std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after)));
-  return jumps ? std::nullopt : std::optional(zero);
+  return zero;
+}
+
+// Special points between where the branch stands and the candidate.
+void Walk::find_special(const Place& tangent) {
+  const Signature before = signature(*last_), after = signature(*seen_);
+  const double fold = find_fold(tangent);
+  if (std::isnan(fold)) {
+    find_changes(0, before, length_, after);
+  } else {  // the multiplier that passes 1 there is its own
+    const double from = std::max(0., fold - beyond), to = std::min(length_, fold + beyond);
+    const Signature there = from > 0 ? signature_at(from, "fold") : before,
+                    behind = to < length_ ? signature_at(to, "fold") : after;
+    find_changes(0, before, from, there);
+    find_changes(to, behind, length_, after);
+    for (const size_t kind : {1, 2})
+      if (there[kind] != behind[kind]) {
+        go(fold);
+        add(kinds[kind], fold);
+      }
+  }
+  find_tests();
+}
+
+// The distance of the place where the parameter turns round; NaN where it does not. A branch that breaks off
+// turns in its last steps by what Newton's method leaves, without a multiplier near 1.
+double Walk::find_fold(const Place& tangent) {
+  constexpr double breaks_off = 1e-6;
+  const double now = tangent.back();
+  if (!(now * heading_ < -directed)) return std::nan("");
+  if (length_ < breaks_off && !last_->multipliers.empty() && !near_one(*last_) && !near_one(*seen_))
+    return std::nan("");
+  double fold = 0;  // it stood still before, to the last digit
+  if (t_.back() * now < 0)
+    fold = locate("fold", [&] { return family_.tangent(t_).back(); }, t_.back(), now);
+  else
+    go(0);
+  add("fold", fold);
+  return fold;
+}
+
+// Of the tests whose sign changes; where one jumps through zero that is none.
+void Walk::find_tests() {
+  constexpr double jump = 1e-4;
+  const auto value = [](const Look& look, const std::string& name) {
+    const auto found = look.tests.find(name);
+    return found == look.tests.end() ? std::nan("") : found->second;
+  };
+  for (const auto& [name, before] : last_->tests) {
+    const double after = value(*seen_, name);
+    if (!(before * after < 0)) continue;
+    const auto test = [&, &name = name] {
+      const double own = value(*family_.look(), name);
+      return std::isnan(own) && watch_ ? value(*look(), name) : own;
+    };
+    const double zero = locate(name, test, before, after);
+    if (std::abs(test()) < jump * std::max(std::abs(before), std::abs(after))) add(name, zero);
+  }
+}
+
+Signature Walk::signature_at(double distance, const std::string& what) {
+  try {
+    go(distance);
+    return signature(*family_.look());
+  } catch (const Error& e) {
+    passed_unseen(what, e.what());
+  }
+}
+
+// Changes of the multipliers' places, by halving, one after the other.
+void Walk::find_changes(double from, Signature now, double to, const Signature& after) {
+  constexpr int most = 8;  // that one step may have
+  const std::string what = "a multiplier on the unit circle";
+  for (int count = 0; now != after && from < to; ++count) {
+    if (count == most) passed_unseen(what, "there are more than " + std::to_string(most) + " in one step");
+    const double s = last_place([&](double at) { return signature_at(at, what) == now; }, from, to, 1e-10);
+    from = std::min(to, s + beyond);
+    const Signature there = from < to ? signature_at(from, what) : after, next = there == now ? after : there;
+    name_change(now, next, s);
+    now = next;
+  }
+}
+
+// Which multiplier passes the unit circle at the distance, and where: the nearest to it. Two that meet
+// outside of it and part do not change the number of those outside.
+void Walk::name_change(const Signature& before, const Signature& after, double distance) {
+  if (outside(before) == outside(after)) return;
+  go(distance);
+  double nearest = 1e-3;  // further off, it jumps
+  std::string kind = "corner";
+  const std::shared_ptr<Look> there = family_.look();
+  for (const std::complex<double> mu : there->multipliers) {
+    const double off = std::abs(std::abs(mu) - 1);
+    if (!(off < nearest)) continue;
+    nearest = off;
+    kind = kinds[size_t(passing(mu))];
+  }
+  add(kind, distance);
+}
+
+std::string Walk::end_where_it_repels() {
+  if (passed_.empty())
+    throw Failure("the " + words_.solution + " ceases to attract at a point that is not located");
+  branch_.special = {passed_.front().second};
+  go(passed_.front().first);
+  family_.tangent(t_);
+  return "the " + words_.solution + " ceases to attract at " + way_.name + " = " +
+         rounded_text(branch_.special[0].value, 10);
+}
+
+// The parameter is even in the amplitude: extrapolated to zero from three solutions, as small as can be
+// solved for.
+std::string Walk::end_at_hopf() {
+  const double side = last_->amplitude < 0 ? -1 : 1, a0 = side * last_->amplitude,
+               a1 = side * seen_->amplitude;
+  std::shared_ptr<Look> there;
+  const auto signed_amplitude = [&](double s) {
+    try {
+      go(s);
+      there = family_.look();
+      return side * there->amplitude;
+    } catch (const Error&) {
+      return -1e-3 * a0;  // too near to zero to have a phase: beyond what is sought
+    }
+  };
+  constexpr double vanishing = 1e-2;
+  const double whole = std::abs(first().amplitude);
+  double hopf = std::nan(""), period = 0;
+  for (double small = 3e-4 * whole; small < a0 / 3; small *= 2) {
+    double square[3], values[3], periods[3];
+    bool known = true;
+    for (int k = 0; k < 3 && known; ++k) {
+      const double target = small * (1 + .5 * k);
+      const double s = find_root([&](double at) { return signed_amplitude(at) - target; },
+                                 {0, a0 - target, length_, a1 - target}, 1e-2 * small / whole);
+      const double a = std::isnan(s) ? s : signed_amplitude(s);
+      known = std::abs(a - target) < .2 * target;
+      if (!known) break;
+      square[k] = a * a;
+      values[k] = there->value;
+      periods[k] = there->period;
+    }
+    if (!known) continue;
+    double weights[3];
+    Lagrange({square[0], square[1], square[2]}).weights(0, weights);
+    hopf = period = 0;
+    for (int k = 0; k < 3; ++k) {
+      hopf += weights[k] * values[k];
+      period += weights[k] * periods[k];
+    }
+    break;
+  }
+  if (std::isnan(hopf) && a0 < vanishing * whole && std::abs(a1) < a0) {  // no smaller ones: by both ends
+    const double part = a1 * a1 / (a0 * a0 - a1 * a1);
+    hopf = seen_->value + part * (seen_->value - last_->value);
+    period = seen_->period + part * (seen_->period - last_->period);
+  }
+  if (std::isnan(hopf))
+    throw Failure("the " + words_.solution +
+                  " runs the other way round, and not because its amplitude has vanished");
+  branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
+  return "the amplitude vanishes at " + way_.name + " = " + rounded_text(hopf, 10) + words_.vanished;
+}
+
+// The limit of the parameter where the period grows without bound: far beyond that of a canard, in which
+// the amplitude grows with it.
+std::optional<double> Walk::infinite_period() const {
+  constexpr double long_period = 30, part = 1.5, settled = 0.02, known = 1e-8;
+  const Look& now = *last_;
+  if (now.period < long_period * first().period) return std::nullopt;
+  std::vector<double> periods, values;
+  for (const std::shared_ptr<Look>& point : branch_.points) {
+    if (point->period > now.period / part && std::abs(point->amplitude / now.amplitude - 1) > settled)
+      return std::nullopt;
+    periods.push_back(point->period);
+    values.push_back(point->value);
+  }
+  const std::optional<InfinitePeriodLimit> limit = infinite_period_limit(periods, values);
+  if (!limit || !(limit->error < known * range_)) return std::nullopt;
+  return limit->value;
+}
+
+}  // namespace
+
+Followed follow(Family& family, const Way& way, Follow until, const std::function<void(Look&)>& watch) {
+  return Walk(family, way, until, watch).along();
+}
+
+double special_test(const std::string& kind, Family& family, const Place& row) {
+  if (kind == "fold") return family.tangent(row).back();
+  const std::shared_ptr<Look> look = family.look();
+  if (const auto named = look->tests.find(kind); named != look->tests.end()) return named->second;
+  const double from = kind == "flip" ? -1 : 1;
+  double nearest = std::nan("");
+  for (const std::complex<double> mu : look->multipliers) {
+    const bool pair = passing(mu) == Passing::as_pair;
+    if (pair != (kind == "torus")) continue;
+    const double off = pair ? std::abs(mu) - 1 : mu.real() - from;
+    if (!(std::abs(off) > std::abs(nearest))) nearest = off;  // the first is compared with NaN
+  }
+  return nearest;
+}
+
+double settle_on_special(const std::string& kind, Family& family, const Place& tangent, double range,
+                         double& slope) {
+  constexpr double first_step = 1e-4, reach = 0.2;
+  const double tolerance = kind == "fold" ? 1e-7 : 1e-10;  // the parameter of a fold is known to the square
+  Place row = tangent, here = family.place();
+  family.solve(0, row, dot(row, here));
+  row = family.tangent(row);
+  family.accept();
+  here = family.place();
+  const double level = dot(row, here);
+  double stands = 0;  // the family's candidate, along the branch
+  const auto test = [&](double s) {
+    try {
+      family.solve(s, row, level + s);
+      stands = s;
+      return special_test(kind, family, row);
+    } catch (const Failure&) {
+      return std::nan("");
+    }
+  };
+  const double first = special_test(kind, family, row), step = slope == slope ? -first / slope : first_step;
+  const double s =
+      root_near(test, 0, first, std::abs(step) < reach / 10 ? step : first_step, tolerance, reach, &slope);
+  if (std::isnan(s)) return s;
+  if (!(std::abs(s - stands) < 1e-2 * tolerance)) family.solve(s, row, level + s);
+  family.tangent(row);
+  return family.place().back() * range;
 }
 
 }  // namespace stickslip

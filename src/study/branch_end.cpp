@@ -130,7 +130,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
   const double range = distance(from, to);
   const PlanePoint along{(to.x - from.x) / range, (to.y - from.y) / range};
   const std::function<Scene(double)> line = scenes_across(plane(), from, along);
-  std::unique_ptr<CyclePath> path;
+  std::unique_ptr<CycleFamily> path;
   Cycle first;
   try {
     const Scene here = line(0);
@@ -138,7 +138,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
       const StickFate fate = stick_fate(
           here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0));
       if (fate.fate != Fate::repeats) throw Failure("the motion " + to_string(fate.fate));
-      path = stick_path(line, 0, range, fate.cycle);
+      path = stick_family(line, 0, range, fate.cycle);
       first = path->cycle();
     } else {
       const SmoothCycle cycle =
@@ -147,7 +147,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
               : settled_cycle(
                     here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0),
                     turns_to_settle);
-      path = smooth_path(line, 0, range, cycle);
+      path = smooth_family(line, 0, range, cycle);
       first = cycle.cycle;
     }
     found.lives = growth_rate(first) < 0;
@@ -163,7 +163,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
       return Watched{growth < 0, growth, 0, {}};
     };
     const CycleBranch branch =
-        continue_cycle(*path, first, "the line", 0, range, most_steps, watch, Follow::while_stable);
+        continue_cycle(*path, {"the line", 0, range, most_steps}, watch, Follow::while_stable);
     beat("branches");  // one that a signal ended is no answer
     found.until = branch.points.back().value;
     found.arrives = branch.special.empty() && std::abs(found.until - range) < 1e-9 * range;

@@ -44,7 +44,7 @@ std::function<Scene(double)> scenes_across(const PlaneScene& scene, PlanePoint q
   return [scene, q, n](double s) { return scene(q.x + s * n.x, q.y + s * n.y); };
 }
 
-EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at,
+EndPlace end_place(std::shared_ptr<CycleFamily> path, const std::string& kind, PlanePoint at,
                    PlanePoint to_life) {
   EndPlace p{at, to_life, kind, nullptr, 0, 0, 0, std::nan("")};
   p.residual = std::abs(special_test(kind, *path, path->direction()));
@@ -64,12 +64,12 @@ using Weighted = std::vector<std::pair<const EndPlace*, double>>;
 // they leave of 1.
 std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& near, PlanePoint q, PlanePoint n,
                                     const Weighted& others = {}) {
-  CyclePath::Others paths;
+  CycleFamily::Others paths;
   for (const auto& [place, weight] : others) paths.push_back({place->path.get(), weight});
   try {
-    std::shared_ptr<CyclePath> path = near.path->beside(scenes_across(scene, q, n), 0, 1, paths);
+    std::shared_ptr<CycleFamily> path = near.path->beside(scenes_across(scene, q, n), 0, 1, paths);
     double slope = near.slope;
-    const double s = settle_on_special(near.kind, *path, 1, slope);
+    const double s = settle_on_special(near.kind, *path, path->direction(), 1, slope);
     if (std::isnan(s)) return std::nullopt;
     EndPlace found = end_place(std::move(path), near.kind, plus(q, s, n), n);
     found.slope = slope;

@@ -22,7 +22,7 @@ struct EndPlace {
   PlanePoint at, to_life;  // to_life: unit vector across the line, to where the cycle attracts
   std::string kind;
   // its candidate is the cycle there; the parameter is the distance from `at`
-  std::shared_ptr<const CyclePath> path;
+  std::shared_ptr<const CycleFamily> path;
   double period = 0, amplitude = 0, residual = 0;
   double slope = 0;   // of special_test along the branch; NaN: not known
   double strong = 0;  // amplitude where the branch began on which the line's first place was found
@@ -32,7 +32,7 @@ struct EndPlace {
 std::function<Scene(double)> scenes_across(const PlaneScene& scene, PlanePoint q, PlanePoint n);
 
 // The special point at which the path stands, its tangent known: its candidate, at `at`.
-EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at,
+EndPlace end_place(std::shared_ptr<CycleFamily> path, const std::string& kind, PlanePoint at,
                    PlanePoint to_life);
 
 // All points of the line through `first`, at most `step` apart, in order; they end on the border of the

@@ -235,10 +235,13 @@ class LimitsOfBranch {
   }
 
   std::optional<Found> fold_between(std::size_t k) const {
-    const SheetPlace a = place(k), b = place(k + 1);
-    const SheetChart chart = towards(a, b);
-    return zero(LimitFunction(sheet_, true, a, {}), chart, 0, chart.alpha(b), sheet_.slope(a, chart),
-                sheet_.slope(b, chart));
+    for (const SpecialPoint& special : branch_.special) {
+      if (special.after != k || special.kind != "fold") continue;
+      const SheetPlace fold = sheet_.place(train_at(special), special.value, value2_);
+      return found_at(sheet_, LimitFunction(sheet_, true, fold, {}), towards(place(k), place(k + 1)),
+                      stability_);
+    }
+    return std::nullopt;
   }
 
   // The modes with this Bloch factor that grow on one side (`before`: the first) and not on the other.

@@ -7,6 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from branches import compare as compare_branches
+from branches import scene as branch_scene
 from calls import call, data, refused, run, scene_file, tool
 from reference import System, bloch, multipliers, near, options, read
 from settling import compare
@@ -215,6 +217,34 @@ def test_a_branch_that_breaks_off_has_not_folded():
     branch = found["branch"]
     ends = [(point["kind"], point["value"]) for point in found["special"]]
     assert ends == [("graze", branch["points"][-1]["value"])] and "the sequence" in str(branch), branch
+
+
+LUGRE_PAIR = ("-model_form chain -grid_n 2 -model_m 0.954145 -model_f0 1.039132 -model_k1 1.278207 -bc_left free "
+              "-model_k0_profile 0.0:0.16315,1.0:0.14504 -model_zeta_profile 0.0:0.05387,1.0:0.08221 -friction_law lugre "
+              "-friction_fc 0.78345 -friction_fs 0.97478 -friction_vs 0.0803 -friction_sigma0 12.72595 -friction_sigma1 0.45753 "
+              "-model_drag 0.13522 -model_v 0.185447 -cycle_cell 0 -init_psi 0.05563 -init_eta 0.3 -init_noise 0.01854 "
+              "-cycle_continue friction_vs ")
+
+
+def test_turns_of_a_branch_whose_cycles_pass_corners():
+    """psi passes 0, where |psi| turns a corner, and the branch turns: to ten digits where it does in steps of other lengths."""
+    found, _ = run(LUGRE_PAIR + "-cycle_to 0.0796 -cycle_steps 12", command="cycle")
+    [fold] = found["special"]
+    assert fold["kind"] == "fold" and abs(fold["value"] - 0.07970905914) < 1e-8 * (0.0803 - 0.0796), fold
+    stable = [p["stable"] for p in found["branch"]["points"]]
+    assert all(stable[:fold["after"] + 1]) and not any(stable[fold["after"] + 1:])
+
+
+def test_special_points_of_random_branches(scenes):
+    """A few of tests/audit/test_branches.py."""
+    assert any(compare_branches(drawn, f"scene {index}") for index, drawn in scenes(branch_scene, 671, short=2))
+
+
+def test_a_small_forced_motion_is_no_long_branch():
+    """Steps are measured in the size of a slip, not in that of the first motion: under a load a hundred times as large."""
+    found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_v 1.2 -load_sine_amplitude 1e-3 -load_sine_period 5 "
+                   "-cycle_cell 0 -cycle_continue load_sine_amplitude -cycle_to 0.1 -cycle_steps 200", command="cycle")
+    assert len(found["branch"]["points"]) < 60 and "reached" in found["branch"]["end"], len(found["branch"]["points"])
 
 
 def test_cells_of_stiff_friction():

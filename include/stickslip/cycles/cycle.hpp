@@ -57,13 +57,6 @@ struct Cycle {
 // is wiped out.
 double growth_rate(const Cycle& cycle);
 
-// How a multiplier passes the unit circle: at 1 (a fold, or other cycles branch off), at -1 (a flip: the
-// period doubles), or with its conjugate (a torus). Two real multipliers that are equal by symmetry, as of
-// waves that run either way round a cell, come out as a pair whose imaginary part is round-off; one of a
-// torus is far above it.
-enum class Passing { at_one, at_minus_one, as_pair };
-Passing passing(std::complex<double> multiplier);
-
 // The least psi of a node along v: where it is positive none ever stops, and friction that sticks is that of
 // sliding throughout.
 double least_along(const Cycle& cycle, double v);

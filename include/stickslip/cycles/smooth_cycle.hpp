@@ -69,10 +69,10 @@ SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, i
 
 // The branch of a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was
 // found, `range` the length of the range of the parameter that counts.
-std::unique_ptr<CyclePath> smooth_path(std::function<Scene(double)> at, double from, double range,
-                                       const SmoothCycle& first);
+std::unique_ptr<CycleFamily> smooth_family(std::function<Scene(double)> at, double from, double range,
+                                           const SmoothCycle& first);
 // The cycle where such a path stands (its candidate).
-SmoothCycle smooth_candidate(const CyclePath& path);
+SmoothCycle smooth_candidate(const CycleFamily& path);
 
 // The motion that steady sliding becomes as the sine of the load of `cell` grows from nothing: of its period,
 // stable or not. Throws Failure where it is lost on the way. Friction that sticks is that of sliding also

@@ -125,9 +125,9 @@ Cycle described(const Scene& scene, const StickCycle& cycle);
 // The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was
 // found, `range` the length of the range that counts. It goes round folds, and ends where the sequence
 // changes or a slip no longer comes to rest.
-std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double from, double range,
-                                      const StickCycle& first);
+std::unique_ptr<CycleFamily> stick_family(std::function<Scene(double)> at, double from, double range,
+                                          const StickCycle& first);
 // The cycle where such a path stands (its candidate).
-const StickCycle& stick_candidate(const CyclePath& path);
+const StickCycle& stick_candidate(const CycleFamily& path);
 
 }  // namespace stickslip

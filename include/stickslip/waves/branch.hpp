@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/numerics/continuation.hpp"
 #include "stickslip/waves/train.hpp"
 
 namespace stickslip {
@@ -28,6 +29,7 @@ struct BranchPoint {
 };
 struct Branch {
   std::vector<BranchPoint> points;
+  std::vector<SpecialPoint> special;  // folds; the Hopf point
   std::string end;  // why it ends, in words
 };
 
@@ -36,5 +38,8 @@ struct Branch {
 // `end`); where the parameter comes back past its start; after `steps`. Throws Failure for a parameter that
 // does not enter.
 Branch continue_train(const TrainFamily& family, double from, double to, int steps);
+
+// The train at a fold of its branch.
+const Train& train_at(const SpecialPoint& point);
 
 }  // namespace stickslip

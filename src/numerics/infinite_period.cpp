@@ -1,4 +1,4 @@
-#include "cycles/infinite_period.hpp"
+#include "numerics/infinite_period.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -24,20 +24,22 @@ FieldFamily family_of(const std::function<Scene(double)>& scene_at, int periods)
   return [=](double lambda) { return std::make_shared<const CellField>(scene_at(lambda), periods); };
 }
 
-class SmoothPath : public CyclePath {
+class SmoothFamily : public CycleFamily {
  public:
-  SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first);
+  SmoothFamily(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first);
 
-  void go(double length, const Place& row, double right) override;
+  void solve(double length, const Place& row, double right) override;
   Place place() const override { return place_of(there_.y0(), there_.x); }
   Place tangent(const Place& row) override;
   Place direction() const override { return of_length_one(place_of(there_.t, there_.t)); }
   Cycle cycle() const override { return smooth().cycle; }
   void accept() override;
-  std::string ends() const override { return comes_to_rest_ ? "graze" : ""; }
-  std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
+  std::unique_ptr<CycleFamily> beside(std::function<Scene(double)> at, double from, double range,
                                     const Others& others) const override;
   SmoothCycle smooth() const;
+
+ protected:
+  std::string ends() const override { return comes_to_rest_ ? "graze" : ""; }
 
  private:
   struct Stand {
@@ -77,23 +79,24 @@ class SmoothPath : public CyclePath {
 
   std::function<Scene(double)> scene_at_;
   FieldFamily family_;
-  double range_;
-  std::vector<double> scale_;  // the range of each unknown in the first cycle
+  // The range of each unknown in the first cycle; under a load, which grows from nothing, not below its unit.
+  std::vector<double> scale_;
   size_t d_;
   int periods_;  // of the load, in a cycle
   Stand here_, there_;
   int section_ = -1;
-  bool comes_to_rest_ = false;  // where go() has been last
+  bool comes_to_rest_ = false;  // where solve() has been last
   double turn_ = 1, candidate_turn_ = 1;                 // -1 once the amplitude has passed through zero
   mutable std::shared_ptr<const CellField> last_field_;  // of the candidate
 };
 
-SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first)
-    : scene_at_(std::move(at)), range_(range), d_(size_t(first.field->dim())),
+SmoothFamily::SmoothFamily(std::function<Scene(double)> at, double from, double range,
+                           const SmoothCycle& first)
+    : CycleFamily(range), scene_at_(std::move(at)), d_(size_t(first.field->dim())),
       periods_(first.field->periods()) {
   family_ = family_of(scene_at_, periods_);
   for (const double of : ranges(first.values.data(), points_on(first.mesh), first.field->dim()))
-    scale_.push_back(std::max(of, 1e-12 * first.field->unit(int(scale_.size()))));
+    scale_.push_back(std::max(of, (periods_ > 0 ? 1 : 1e-12) * first.field->unit(int(scale_.size()))));
   there_.d = d_;
   there_.mesh = first.mesh;
   there_.x = first.values;
@@ -105,15 +108,15 @@ SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double rang
   last_field_ = first.field;
 }
 
-Place SmoothPath::place_of(const std::vector<double>& y0, const std::vector<double>& x) const {
+Place SmoothFamily::place_of(const std::vector<double>& y0, const std::vector<double>& x) const {
   Place p;
   for (size_t a = 0; a < d_; ++a) p.push_back(y0[a] / scale_[a]);
-  p.push_back(x[x.size() - 2]);
+  p.push_back(periods_ > 0 ? 0 : x[x.size() - 2]);  // one of y0, under a load
   p.push_back(x.back() / range_);
   return p;
 }
 
-Condition SmoothPath::condition(const Place& row, double right) const {
+Condition SmoothFamily::condition(const Place& row, double right) const {
   Condition c;
   for (size_t a = 0; a < d_; ++a) c.y0.push_back(row[a] / scale_[a]);
   c.q = row[d_];
@@ -122,7 +125,7 @@ Condition SmoothPath::condition(const Place& row, double right) const {
   return c;
 }
 
-void SmoothPath::go(double length, const Place& row, double right) {
+void SmoothFamily::solve(double length, const Place& row, double right) {
   comes_to_rest_ = false;
   using Solution = MeshSolution<PeriodicEquations>;
   Solution s{equations(here_.mesh, here_.x.back()), here_.x};
@@ -132,6 +135,7 @@ void SmoothPath::go(double length, const Place& row, double right) {
     return at.equations.newton(at.x, conditions, most_steps).converged;
   };
   const double change = solve_on_suiting_mesh(solve, d_ <= 12 ? few_unknowns : many_unknowns, s);
+  (void)settle_on_kinks(solve, last_field_->velocities(), s);
   const double unit = s.equations.field().unit(0);
   const double moved = periods_ > 0 ? change / unit : std::expm1(change);
   const double period_error = std::isnan(change) ? here_.period_error : std::abs(moved) + 4e-15;
@@ -141,7 +145,7 @@ void SmoothPath::go(double length, const Place& row, double right) {
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
-void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error,
+void SmoothFamily::stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error,
                           const Condition& phase) {
   there_.mesh = mesh;
   there_.x = std::move(x);
@@ -156,7 +160,7 @@ void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh
   candidate_turn_ = dot < 0 ? -turn_ : turn_;
 }
 
-Place SmoothPath::tangent(const Place& row) {
+Place SmoothFamily::tangent(const Place& row) {
   if (std::any_of(there_.t.begin(), there_.t.end(), [](double value) { return value != 0; })) {
     const Place known = direction();
     if (dot(known, row) > 0) return known;
@@ -169,14 +173,14 @@ Place SmoothPath::tangent(const Place& row) {
   return direction();
 }
 
-void SmoothPath::accept() {
+void SmoothFamily::accept() {
   here_ = there_;
   turn_ = candidate_turn_;
 }
 
 // A mixture of candidates. Each is taken on a mesh of its own that follows it, and the meshes are mixed too,
 // so that fronts which move in phase from one to the next stay fronts.
-void SmoothPath::mix(const Others& others) {
+void SmoothFamily::mix(const Others& others) {
   const size_t intervals = there_.mesh.size() - 1;
   Stand sum;
   const auto add = [&](const Stand& stand, double weight) {
@@ -191,7 +195,7 @@ void SmoothPath::mix(const Others& others) {
   };
   double rest = 1;
   for (const auto& [path, weight] : others) {
-    add(begun_at_mean(dynamic_cast<const SmoothPath&>(*path).there_), weight);
+    add(begun_at_mean(dynamic_cast<const SmoothFamily&>(*path).there_), weight);
     rest -= weight;
   }
   add(there_, rest);
@@ -205,7 +209,7 @@ void SmoothPath::mix(const Others& others) {
 
 // The same with phase 0 where unknown `section_`, a velocity or without mass a force, passes its mean upwards
 // (downwards where v < 0): there every cycle of a family passes, large or small.
-SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
+SmoothFamily::Stand SmoothFamily::begun_at_mean(Stand stand) const {
   const Collocation& gauss = Collocation::gauss5();
   const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);
   const size_t k = size_t(section_), block = d_ * (mesh_stages + 1), n = stand.mesh.size() - 1;
@@ -241,9 +245,9 @@ SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   return stand;
 }
 
-std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, double from, double range,
-                                              const Others& others) const {
-  auto other = std::make_unique<SmoothPath>(*this);
+std::unique_ptr<CycleFamily> SmoothFamily::beside(std::function<Scene(double)> at, double from,
+                                                  double range, const Others& others) const {
+  auto other = std::make_unique<SmoothFamily>(*this);
   if (section_ < 0) {
     const size_t width = size_t(last_field_->width());
     other->section_ = 0;
@@ -261,7 +265,7 @@ std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, d
   return other;
 }
 
-SmoothCycle SmoothPath::smooth() const {
+SmoothCycle SmoothFamily::smooth() const {
   SmoothCycle result;
   const auto cell = std::make_shared<const CellField>(scene_at_(there_.x.back()), periods_);
   result.field = cell;
@@ -281,11 +285,13 @@ SmoothCycle SmoothPath::smooth() const {
 
 }  // namespace
 
-std::unique_ptr<CyclePath> smooth_path(std::function<Scene(double)> at, double from, double range,
-                                       const SmoothCycle& first) {
-  return std::make_unique<SmoothPath>(std::move(at), from, range, first);
+std::unique_ptr<CycleFamily> smooth_family(std::function<Scene(double)> at, double from, double range,
+                                           const SmoothCycle& first) {
+  return std::make_unique<SmoothFamily>(std::move(at), from, range, first);
 }
 
-SmoothCycle smooth_candidate(const CyclePath& path) { return dynamic_cast<const SmoothPath&>(path).smooth(); }
+SmoothCycle smooth_candidate(const CycleFamily& path) {
+  return dynamic_cast<const SmoothFamily&>(path).smooth();
+}
 
 }  // namespace stickslip

@@ -36,16 +36,16 @@ std::string change_of_sequence(const std::string& before, const std::string& aft
   return reverses ? "pass" : word.back() == '.' ? "graze" : "release";
 }
 
-class StickPath : public CyclePath {
+class StickFamily : public CycleFamily {
  public:
-  StickPath(std::function<Scene(double)> at, double from, double range, const StickCycle& first)
-      : scene_at_(std::move(at)), range_(range) {
+  StickFamily(std::function<Scene(double)> at, double from, double range, const StickCycle& first)
+      : CycleFamily(range), scene_at_(std::move(at)) {
     there_.cycle = first;
     stand_at(StickMotion(scene_at_(from)), from, there_);
     here_ = there_;
   }
 
-  void go(double length, const Place& row, double right) override {
+  void solve(double length, const Place& row, double right) override {
     ends_.clear();
     Stand next = here_;
     for (size_t k = 0; k < next.x.size(); ++k) next.x[k] += length * here_.t[k] * unit(k);
@@ -94,7 +94,6 @@ class StickPath : public CyclePath {
   Place direction() const override { return of_length_one(there_.t); }
   Cycle cycle() const override { return described(scene_at_(there_.x.back()), there_.cycle); }
   const StickCycle& candidate() const { return there_.cycle; }
-  std::string ends() const override { return ends_; }
   void accept() override {
     here_ = there_;
     renewed_.reset();
@@ -105,11 +104,11 @@ class StickPath : public CyclePath {
     }
   }
   std::optional<Place> renewed() const override { return renewed_; }
-  std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
+  std::unique_ptr<CycleFamily> beside(std::function<Scene(double)> at, double from, double range,
                                     const Others& others) const override {
-    auto other = std::make_unique<StickPath>(*this);
+    auto other = std::make_unique<StickFamily>(*this);
     for (const auto& [path, weight] : others) {
-      const std::vector<double>& x = dynamic_cast<const StickPath&>(*path).there_.x;
+      const std::vector<double>& x = dynamic_cast<const StickFamily&>(*path).there_.x;
       for (size_t k = 0; k < x.size(); ++k) other->there_.x[k] += weight * (x[k] - there_.x[k]);
     }
     other->scene_at_ = std::move(at);
@@ -119,6 +118,9 @@ class StickPath : public CyclePath {
     other->here_ = other->there_;
     return other;
   }
+
+ protected:
+  std::string ends() const override { return ends_; }
 
  private:
   struct Stand {
@@ -214,7 +216,6 @@ class StickPath : public CyclePath {
   }
 
   std::function<Scene(double)> scene_at_;
-  double range_;
   std::vector<double> scale_;
   Stand here_, there_;
   std::optional<Place> renewed_;
@@ -223,13 +224,13 @@ class StickPath : public CyclePath {
 
 }  // namespace
 
-std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double from, double range,
-                                      const StickCycle& first) {
-  return std::make_unique<StickPath>(std::move(at), from, range, first);
+std::unique_ptr<CycleFamily> stick_family(std::function<Scene(double)> at, double from, double range,
+                                          const StickCycle& first) {
+  return std::make_unique<StickFamily>(std::move(at), from, range, first);
 }
 
-const StickCycle& stick_candidate(const CyclePath& path) {
-  return dynamic_cast<const StickPath&>(path).candidate();
+const StickCycle& stick_candidate(const CycleFamily& path) {
+  return dynamic_cast<const StickFamily&>(path).candidate();
 }
 
 }  // namespace stickslip
