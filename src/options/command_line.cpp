@@ -145,6 +145,10 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
   CommandLine line;
   line.command = words[0];
   if (std::find(commands.begin(), commands.end(), line.command) == commands.end()) {
+    if (has_scene_suffix(line.command))
+      throw UsageError("no command before the scene: stickslip run " + stickslip::quoted(line.command));
+    if (line.command == "plot")
+      throw UsageError("no command plot: pictures are drawn by postprocess/plot.py FILE.h5");
     const std::string near = suggestion(line.command, commands);
     throw UsageError("unknown command " + stickslip::quoted(line.command) +
                      (near.empty() ? "; it is one of " + joined(commands) : near));

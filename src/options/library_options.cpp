@@ -127,6 +127,7 @@ const std::map<std::string, std::string>& taken() {
   static const std::map<std::string, std::string> reasons = [] {
     std::map<std::string, std::string> why = {
         {"ts_init_time", "time begins at 0"},
+        {"ts_final_time", "the end time is ts_max_time"},
         {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
         {"ts_time_span", "it would change the steps; out_times and out_probes give values at chosen times"},
         {"ts_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
@@ -162,6 +163,8 @@ std::set<std::string> told;  // options of which the user knows that they are wi
 bool is_library_option(const std::string& name) { return is_known(name); }
 
 std::string nearest_option(const std::string& name) {
+  const std::string meant = name_by_meaning(name);
+  if (find_option(meant) || ranges().count(meant) || meant.find(" or ") != std::string::npos) return meant;
   std::vector<std::string> names;
   for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
   for (const std::string& one : library_names())
@@ -277,9 +280,9 @@ void check_library_types(const Options& options) {
 std::string name_in_database(const std::string& name) {
   static const std::map<std::string, std::string> newer = {
 #if PETSC_VERSION_GE(3, 25, 0)
-      {"ts_dt", "ts_time_step"},
-      {"ts_max_reject", "ts_max_step_rejections"},
-      {"ts_ssp_nstages", "ts_ssp_num_stages"},
+    {"ts_dt", "ts_time_step"},
+    {"ts_max_reject", "ts_max_step_rejections"},
+    {"ts_ssp_nstages", "ts_ssp_num_stages"},
 #endif
   };
   const auto found = newer.find(name);

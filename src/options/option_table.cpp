@@ -225,10 +225,9 @@ void time_options(OptionTableBuilder& t) {
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take")
       .where("accuracy", {""});
   t.in("Time stepping", "run chart fit");
-  t.boolean(
-      "rk_fused", "true",
-      "take all stages of a step of rk, and of arkimex, tile by tile in the "
-      "cache; false: PETSc's own step");
+  t.boolean("rk_fused", "true",
+            "take all stages of a step of rk, and of arkimex, tile by tile in the "
+            "cache; false: PETSc's own step");
   t.choice("stick_clusters", {"auto", "on", "off"},
            "friction that sticks exactly: auto advances only what slides, each cluster by its own steps, "
            "where that can be had; on refuses to run elsewhere; off: steps of the whole medium")
@@ -460,6 +459,15 @@ const std::unordered_map<std::string, const OptionSpec*>& index() {
   static const std::unordered_map<std::string, const OptionSpec*> by_name = [] {
     std::unordered_map<std::string, const OptionSpec*> result;
     for (const OptionSpec& spec : option_table()) result[lower_case(spec.name)] = &spec;
+    // The first of several may stand with its number or without: sweep_parameter, boundary_parameter1.
+    for (const OptionSpec& spec : option_table()) {
+      const std::string name = lower_case(spec.name);
+      if (name.back() == '2') {
+        const std::string bare = name.substr(0, name.size() - 1);
+        if (result.count(bare)) result.emplace(bare + "1", result[bare]);
+        if (result.count(bare + "1")) result.emplace(bare, result[bare + "1"]);
+      }
+    }
     return result;
   }();
   return by_name;

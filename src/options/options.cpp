@@ -17,6 +17,16 @@ bool takes_away(const OptionSpec& spec, const std::string& text) {
          spec.default_text.empty();
 }
 
+// The program's own notation of a method: rk:5dp, or arkimex:4:friction.
+static std::vector<Given> parts_of_method(const std::string& text, const std::string& where) {
+  const std::vector<std::string> parts = split(text, ':');
+  const std::string type = lower_case(parts[0]), family = type.rfind("fused", 0) == 0 ? type.substr(5) : type;
+  std::vector<Given> given = {{"ts_type", type, where},
+                              {family == "bdf" ? "ts_bdf_order" : "ts_" + family + "_type", parts[1], where}};
+  if (parts.size() > 2) given.push_back({"imex_implicit", parts[2], where});
+  return given;
+}
+
 void Options::set(const Given& given) {
   const OptionSpec* spec = find_option(given.name);
   if (spec) {
@@ -50,6 +60,10 @@ void Options::set(const Given& given) {
       message += near.empty() ? "; -help lists the options" : near;
     }
     throw UsageError(message);
+  }
+  if (name == "ts_type" && given.text && given.text->find(':') != std::string::npos) {
+    for (const Given& part : parts_of_method(*given.text, given.where)) set(part);
+    return;
   }
   library_[name] = check_library_value(name, given.text, given.where).value_or("");
 }

@@ -148,6 +148,12 @@ class YamlReader {
     if (tag) fail("tags are not understood in a scene");
   }
 
+  // model: v: 0.5 as model: {v: 0.5}.
+  static std::string nested(const std::string& line) {
+    const std::size_t colon = line.find(": ");
+    return line.substr(0, colon + 2) + "{" + trimmed(line.substr(colon + 2)) + "}";
+  }
+
   // What libyaml could not read, in its words, unless a more helpful one is known.
   [[noreturn]] void fail_syntax() const {
     const std::size_t at = parser_.problem_mark.line;
@@ -157,6 +163,8 @@ class YamlReader {
     const std::string problem = parser_.problem ? parser_.problem : "not understood";
     if (problem.find("<document start>") != std::string::npos)
       fail(at + 1, "several documents; a scene is one");
+    if (problem.find("mapping values are not allowed") != std::string::npos && first != std::string::npos)
+      fail(at + 1, "two names on one line; write " + nested(here.substr(first)));
     if (at + 1 >= lines_.size() && parser_.context)
       fail(parser_.context_mark.line + 1, "a brace, bracket or quote is not closed");
     fail(at + 1, (parser_.context ? parser_.context + std::string(": ") : "") + problem);

@@ -43,6 +43,37 @@ std::optional<bool> parse_boolean(const std::string& text) {
   return std::nullopt;
 }
 
+std::string name_by_meaning(const std::string& word) {
+  static const std::map<std::string, std::vector<std::string>> meanings = {
+      {"friction_fs or -friction_fd", {"mu", "coefficient_of_friction"}},
+      {"friction_fs", {"mu_s", "mus", "static_friction", "static"}},
+      {"friction_fd",
+       {"mu_k", "mu_d", "muk", "mud", "kinetic_friction", "dynamic_friction", "kinetic", "dynamic"}},
+      {"friction_D", {"dc", "d_c", "dcrit", "d_rs", "drs"}},
+      {"friction_psi0", {"v0", "v_ref", "vref", "reference_velocity"}},
+      {"model_k0", {"k", "kp", "k_p", "stiffness", "spring", "spring_constant"}},
+      {"model_v", {"velocity", "speed", "vp", "v_p", "plate_velocity", "loading_velocity", "belt_speed"}},
+      {"model_zeta", {"damping", "damper", "dashpot", "viscosity"}},
+      {"model_m", {"mass"}},
+      {"model_f0", {"normal_force", "normal_load", "normal_stress"}},
+      {"grid_n", {"blocks", "nodes", "points", "size"}},
+      {"ts_max_time", {"time", "t_end", "tend", "tmax", "t_max", "end_time", "final_time", "ts_final_time"}},
+      {"ts_dt", {"dt", "time_step", "timestep"}},
+      {"ts_rtol", {"rtol", "tolerance", "tol"}},
+      {"out_file", {"o", "out", "output", "outfile", "output_file"}},
+      {"rate-and-state", {"rate-state", "rate_state", "rate_and_state", "rsf"}},
+      {"velocity", {"fixed", "held", "dirichlet", "clamped"}},
+      {"periodic", {"ring", "cyclic"}},
+      {"ageing", {"aging-law", "dieterich-ruina"}},
+      {"slip", {"ruina", "slip-law"}}};
+  const std::string low = lower_case(word);
+  const std::size_t group = low.find('_');
+  for (const std::string& name : {low, group == std::string::npos ? low : low.substr(group + 1)})
+    for (const auto& [own, others] : meanings)
+      if (std::find(others.begin(), others.end(), name) != others.end()) return own;
+  return "";
+}
+
 std::vector<std::string> split_list(const std::string& text) {
   std::vector<std::string> parts = split(text, ',');
   for (std::string& part : parts) part = trimmed(part);
@@ -204,10 +235,20 @@ void check_value(const OptionSpec& spec, const std::string& text, const std::str
     if (fault.empty()) return;
     throw usage_error("-{}{}, point {}: {}", spec.name, in_place(where), at + 1, fault);
   }
+  if (spec.type == OptionType::real && text.find(',') != std::string::npos) {
+    std::string point = text;
+    std::replace(point.begin(), point.end(), ',', '.');
+    if (is_acceptable(spec, point))
+      throw usage_error("-{} {}{}: a decimal point, not a comma: {}", spec.name, quoted(text),
+                        in_place(where), point);
+  }
+  const std::string meant = name_by_meaning(text);
+  const bool is_meant = std::find(spec.words.begin(), spec.words.end(), meant) != spec.words.end();
   // The bound itself is the value whose refusal may surprise: what the option is says why.
   const bool at_bound = spec.type == OptionType::real && spec.open_low && parse_number(text) == spec.low;
   throw usage_error("-{} {}{}: must be {}{}{}", spec.name, quoted(text), in_place(where), requirement(spec),
-                    at_bound ? " (" + spec.help + ")" : "", suggestion(text, spec.words));
+                    at_bound ? " (" + spec.help + ")" : "",
+                    is_meant ? did_you_mean(meant) : suggestion(text, spec.words));
 }
 
 }  // namespace stickslip

@@ -30,6 +30,9 @@ std::vector<std::string> split_words(const std::string& text, const std::string&
 bool is_word(const OptionSpec& spec, const std::string& text);  // is it one of the spec's?
 // x1:value1,x2:value2,... of finite numbers, x ascending, each at most twice.
 using Pairs = std::vector<std::pair<double, double>>;
+// What others call an option or one of its words, in the names of this program; "" where nobody does.
+std::string name_by_meaning(const std::string& word);
+
 std::optional<Pairs> parse_pairs(const std::string& text);
 std::string pairs_text(const Pairs& pairs);
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text);

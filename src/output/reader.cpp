@@ -7,6 +7,7 @@
 #include "output/hdf5_tools.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/output/summary.hpp"
 
 namespace stickslip {
@@ -36,9 +37,24 @@ void check_output_path(const std::string& path) {
   });
 }
 
+// HDF5 under the name of another format is what its reader cannot open.
+static void check_ending(const std::string& path) {
+  static const std::vector<std::string> others = {".csv", ".txt",  ".dat", ".json", ".yaml",
+                                                  ".yml", ".xlsx", ".mat", ".png",  ".pdf"};
+  const std::string name = lower_case(paths::file(path));
+  for (const std::string& ending : others)
+    if (name.size() > ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0)
+      throw UsageError("out_file '" + path + "': HDF5 is written (" +
+                       path.substr(0, path.size() - ending.size()) +
+                       ".h5); docs/python.md and postprocess/events.py --csv make tables of it");
+}
+
 OutputLock check_outputs(const std::string& out_file, const std::string& summary) {
   OutputLock lock;
-  if (!out_file.empty()) check_output_path(out_file);
+  if (!out_file.empty()) {
+    check_ending(out_file);
+    check_output_path(out_file);
+  }
   if (!summary.empty()) check_summary_path(summary);
   if (out_file.empty()) return lock;
   on_root(PETSC_COMM_WORLD, [&] {

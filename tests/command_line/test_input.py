@@ -11,6 +11,7 @@ import h5py
 import pytest
 
 from calls import PROGRAM, SANITIZED, ran
+from calls import run as command
 
 SHORT = ["-grid_n", "32", "-ts_max_time", "0.1", "-progress", "off"]  # what makes a run short where it does run
 
@@ -43,6 +44,7 @@ SCENES = {
     "null.yaml": b"model:\n  gamma:\n",
     "hollow.yaml": b"grid_n: 64\nmodel:\n  # gamma: 3\n",
     "nest.yaml": b"options_file: good.yaml\n",
+    "line.yaml": b"model: v: 0.5\n",
     "mixture.yaml": b"bc: {left: periodic, right: free}\n",
     "library.yaml": b"ts: {rtol: tight}\n",
     "dash.yaml": b"-model_gamma: 3\n",
@@ -54,7 +56,7 @@ USAGE = [
     ([], 2, "no command"),
     (["rum"], 2, "unknown command rum; did you mean run?"),
     (["xyzzy"], 2, "unknown command xyzzy"),
-    (["good.yaml", "run"], 2, "unknown command good.yaml"),
+    (["good.yaml", "run"], 2, "no command before the scene: stickslip run good.yaml"),
     (["-model_gamma", "3", "run"], 2, "where the command should stand"),
     (["--version", "now"], 2, "now"),
     (["run", "good.yaml", "word"], 2, "stray word word"),
@@ -228,8 +230,22 @@ ENVIRONMENT = [
     ("-ts_rtol soon", "-ts_rtol soon (PETSC_OPTIONS)"),
     ("-out_file 'a", "PETSC_OPTIONS: a quote is not closed"),
 ]
+# What others call it, and slips of those who come from elsewhere.
+MEANINGS = [("mu_s", "friction_fs"), ("mu_k", "friction_fd"), ("friction_mu", "friction_fs or -friction_fd"), ("Dc", "friction_D"),
+            ("k", "model_k0"), ("stiffness", "model_k0"), ("model_stiffness", "model_k0"), ("velocity", "model_v"),
+            ("speed", "model_v"), ("damping", "model_zeta"), ("mass", "model_m"), ("o", "out_file"), ("t_end", "ts_max_time"),
+            ("dt", "ts_dt"), ("friction_V0", "friction_psi0")]
 # Other commands.
 COMMANDS = [
+    *((["run", f"-{name}", "1"], f"unknown option -{name}; did you mean -{own}?") for name, own in MEANINGS),
+    (["run", "-friction_law", "rate-state"], "did you mean rate-and-state?"),
+    (["run", "-bc_left", "fixed"], "did you mean velocity?"),
+    (["run", "-model_v", "0,5"], "-model_v 0,5: a decimal point, not a comma: 0.5"),
+    (["run", "-ts_final_time", "3"], "-ts_final_time: not here: the end time is ts_max_time"),
+    (["run", "-ts_type", "rk:6dp"], "ts_rk_type 6dp: not among the methods offered; did you mean 5dp?"),
+    (["run", "-out_file", "x.csv"], "out_file 'x.csv': HDF5 is written (x.h5)"),
+    (["plot", "x.h5"], "no command plot: pictures are drawn by postprocess/plot.py FILE.h5"),
+    (["run", "line.yaml"], "line.yaml:1: two names on one line; write model: {v: 0.5}"),
     (["spectrum", "-grid_n", "32", "-eps_nevv", "3"], "did you mean -eps_ncv?"),
     (["spectrum", "-grid_n", "32", "-eps_tol", "x"], "-eps_tol x"),
     (["spectrum", "-st_type", "sinvert"], "-st_type: not here: J - sigma is inverted by the program itself"),
@@ -445,3 +461,17 @@ def test_memory_that_is_not_there(scratch, arguments, refused):
         assert re.search(r"ulimit -v leaves 0.\d+ GB$", lines[0]) and not os.path.exists(os.path.join(scratch, "o.h5"))
     else:
         assert done.returncode == 0, done.stderr
+
+
+def test_other_ways_to_write_the_same():
+    """The first of several parameters with its number or without; a method in the notation of charts and closing lines."""
+    found = [command(words + " -model_delta 0.2 -boundary_from 0.5 -boundary_to 2", command="boundary")[0]["points"][0]["value"]
+             for words in ("-boundary_parameter model_v", "-boundary_parameter1 model_v")]
+    assert found[0] == found[1], found
+    rows = [command(f"-sweep_parameter{k} model_v -sweep_values{k} 0.5,1 -ts_max_time 1 -grid_n 8 -out_file s{k}.h5",
+                    command="sweep")[0] for k in ("", "1")]
+    assert rows[0]["done"] == rows[1]["done"] == 2, rows
+    for method, apart in (("rk:5dp", "-ts_type rk -ts_rk_type 5dp"), ("bdf:2", "-ts_type bdf -ts_bdf_order 2"),
+                          ("arkimex:4:friction", "-ts_type arkimex -ts_arkimex_type 4 -imex_implicit friction")):
+        made = [command(f"-grid_n 8 -ts_max_time 1 {words}")[0] for words in (f"-ts_type {method}", apart)]
+        assert made[0]["psi_max"] == made[1]["psi_max"] and made[0]["options"] == made[1]["options"], method
