@@ -43,9 +43,9 @@ auto with_friction(const FrictionParameters& p, const Body& body) {
   return body(*Friction::of(p));
 }
 
-// Every combination is tried on one rank and on two; on more, where ranks outnumber the processors and each
-// reduction waits for them, combinations take turns.
-inline bool in_turn(int combination, int ranks) { return ranks <= 2 || combination % 7 == 0; }
+// Every combination is tried on one rank; on more, where each reduction waits for all of them, combinations
+// take turns, others on each number of ranks.
+inline bool in_turn(int combination, int ranks) { return ranks == 1 || (combination + ranks) % 13 < 2; }
 
 // max |a - b|
 inline double distance(Vec a, Vec b) {

@@ -78,7 +78,7 @@ def audited(drawn, ranks=lambda index: 1):
 
 
 def test_error_and_estimate_at_probes(scenes):
-    audited(scenes(draw, 165))
+    audited(scenes(draw, 165, short=10))
 
 
 def draw_with_rosenbrock(r):

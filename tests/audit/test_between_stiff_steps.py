@@ -28,7 +28,7 @@ def test_frames_are_as_good_as_steps(scenes):
     (mu0 + b)/a times as much in ln psi of what eta or the state is off by. What a step began with may turn in it, by less than 1.7,
     and then be 1.5 times as large in between as at both ends. Before values came from a step of their own, a cubic through slopes gave psi of frames any sign, by 1/m,
     and those of arkimex:5 were off by up to twice what its steps were."""
-    for index, (p, method) in scenes(creeping, salt=132, short=25):
+    for index, (p, method) in scenes(creeping, salt=132, short=12):
         end = p["ts_max_time"]
         noise = [] if p["grid_n"] == 1 else ["-init_noise", str(0.1 * p["init_psi"]), "-init_seed", str(index + 1)]
         s, _ = run(words(p) + noise + method + ["-ts_atol", str(1e-6 * p["model_v"]), "-out_file", "s.h5", "-out_frames", "40",

@@ -147,7 +147,7 @@ def compare(index, p, vary, points, found, tolerance):
 
 def test_uniform_continua_are_asked_as_such(scenes):
     """Zeros of the supremum over all waves, whatever the grid; null wavenumber where short waves approach it."""
-    for index, (p, vary) in scenes(uniform_scene, 41):
+    for index, (p, vary) in scenes(uniform_scene, 41, short=12):
         points, _ = points_of(p, vary)
         compare(index, p, vary, points, roots_of(lambda value: supremum(p | {vary: value})[0], *RANGES[vary], 65), 1e-8)
         for point in points:
@@ -173,7 +173,7 @@ def amplitudes(p):
 
 def test_lines_of_spread_and_held_nodes(scenes):
     """Zeros of the growth rate of the dense matrix; `error` is what the grid of half the spacing makes of them."""
-    for index, (p, vary) in scenes(line_scene, 42, short=8):
+    for index, (p, vary) in scenes(line_scene, 42, short=5):
         factors = amplitudes(p)
 
         def growth(value, factors=factors):

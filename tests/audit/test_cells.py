@@ -61,7 +61,7 @@ def compare(p, limit, what):
 
 def test_waves_of_a_cell_that_cease_to_grow_together(scenes):
     compared = 0
-    for index, block in scenes(scene, 73, short=2):
+    for index, block in scenes(scene, 73, short=1):
         limit = Block(block).limit()
         if not limit > 0:
             continue

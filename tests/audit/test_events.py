@@ -180,7 +180,7 @@ def options_of(s):
 
 def test_coulomb_chains(scenes):
     compared = {"events": 0, "blocks": 0, "merged": 0, "touched": 0}
-    for index, s in scenes(draw_blocks, salt=606, short=10):
+    for index, s in scenes(draw_blocks, salt=606, short=5):
         # sliding friction in steady motion shows the factors of the thresholds
         calls.run(options_of(s) + " -init_psi 1 -init_eta steady -ts_max_time 0 -out_file a.h5")
         with h5py.File("a.h5") as file:
@@ -240,7 +240,7 @@ def draw_any(random):
 def test_frames_at_beginnings_and_ends(scenes):
     """stress_drop of any law, and the numbers of motion that begins and ends at rest, from psi, eta and chi of frames."""
     compared = 0
-    for index, (scene, sticks) in scenes(draw_any, salt=607):
+    for index, (scene, sticks) in scenes(draw_any, salt=607, short=10):
         start = " -init_psi 0 -init_eta 0.5" if sticks else " -init_psi 0.01 -init_eta steady"
         base = scene + start + " -ts_max_time 60 -ts_rtol 1e-8 -ts_atol 1e-10 -out_events -out_series false"
         calls.run(base + " -out_file first.h5 -out_frames 2")
@@ -343,7 +343,7 @@ def by_segments(motion):
 def test_several_events_at_once_within_a_stencil(scenes):
     """What the slip of others that goes on meanwhile does is no part of an event, at any tolerance."""
     compared = {"events": 0, "beside": 0}
-    for index, (s, eta, t_end) in scenes(draw_wide, salt=711, short=6):
+    for index, (s, eta, t_end) in scenes(draw_wide, salt=711, short=3):
         motion = Stick(System(s, amplitudes(s)), np.repeat([0, eta], s["grid_n"]))
         motion.advance(t_end)
         expected = by_segments(motion)
@@ -380,7 +380,7 @@ def test_one_block_errs_alike_in_long_chains_and_short(scenes):
         return dict(n=int(random.choice([80, 300, 1500])), k1=random.uniform(3, 12), sigma=random.uniform(0.008, 0.03),
                     alpha=random.uniform(0.5, 3), v=1e-3 * random.choice([1, 0.3]), seed=int(random.integers(1, 10**6)))
     seen = 0
-    for index, s in scenes(draw_chain, salt=624, short=6):
+    for index, s in scenes(draw_chain, salt=624, short=4):
         calls.run(["-model_form", "chain", "-grid_n", s["n"], "-bc_left", "free", "-model_m", 1, "-model_k0", 1, "-model_k1",
                    s["k1"], "-model_f0", 1, "-model_zeta", 0, "-model_v", s["v"], "-friction_law", "carlson-langer",
                    "-friction_sigma", s["sigma"], "-friction_alpha", s["alpha"], "-friction_back_slip", "false",

@@ -23,7 +23,7 @@ def draw(random):
 
 def test_start_and_force_of_held_nodes(scenes):
     blocks = 0
-    for index, s in scenes(draw, salt=607):
+    for index, s in scenes(draw, salt=607, short=12):
         law, name = STATE_LAWS[s["law"]]
         medium = f"-model_form chain -model_k0 {s['k0']} -model_k1 {s['k1']} -model_f0 {s['f0']} -model_zeta 0.3" \
             if s["chain"] else "-grid_length 8 -model_gamma 1.3 -model_delta 0.1"

@@ -46,7 +46,7 @@ def draw_balance(rng):
 
 def test_the_energy_balance(scenes):
     """The work of the plate is the force on all blocks over its way, whatever steps v(t) takes: trapezoids in its way."""
-    for index, (scene, end, n, damping) in scenes(draw_balance, 41, 8):
+    for index, (scene, end, n, damping) in scenes(draw_balance, 41, 5):
         load = Plate(DEFAULTS | options(scene))
         calls.run(f"{scene} -ts_max_time {end} -ts_type rk -ts_adapt_type none -ts_dt 0.004 -out_displacement -out_frames 2 "
                   "-out_file balance.h5")
@@ -128,5 +128,5 @@ def check_order(index, scene, method):
 
 
 def test_orders_of_all_methods(scenes):
-    for index, (scene, method) in scenes(draw_order, 43, 6):
+    for index, (scene, method) in scenes(draw_order, 43, 4):
         check_order(index, scene, method)

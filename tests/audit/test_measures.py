@@ -46,7 +46,7 @@ def test_between_steps(scenes):
     the cubic of a step, whose error the steps' own tolerance of 1e-7 keeps far below 1e-4; samples of the reference are a few
     thousandths of a period apart, and miss a maximum by the square of that."""
     bad, periods = [], 0
-    for index, o in scenes(draw, salt=811, short=2):
+    for index, o in scenes(draw, salt=811, short=1):
         s, _ = run([*words(o), "-ts_rtol", 1e-7, "-ts_atol", 1e-8])
         amplitude, rest, passed = measured(o)
         text = " ".join(map(str, words(o)))

@@ -340,7 +340,7 @@ def explore(scenes, draw, command, salt, short, tolerance):
 
 
 def test_run(scenes):
-    explore(scenes, draw_run, "run", 801, 6, 0.)
+    explore(scenes, draw_run, "run", 801, 4, 0.)
 
 
 def test_other_runs(scenes):
@@ -356,7 +356,7 @@ def draw_spectrum(random):
 
 
 def test_spectrum(scenes):
-    explore(scenes, draw_spectrum, "spectrum", 802, 6, 1e-6)
+    explore(scenes, draw_spectrum, "spectrum", 802, 4, 1e-6)
 
 
 def draw_cycle(random):
@@ -374,7 +374,7 @@ def draw_cycle(random):
 
 
 def test_cycle(scenes):
-    explore(scenes, draw_cycle, "cycle", 803, 4, 1e-9)
+    explore(scenes, draw_cycle, "cycle", 803, 3, 1e-9)
 
 
 def draw_wave(random):
@@ -415,7 +415,7 @@ def draw_boundary(random):
 
 
 def test_boundary(scenes):
-    explore(scenes, draw_boundary, "boundary", 805, 5, 1e-9)
+    explore(scenes, draw_boundary, "boundary", 805, 3, 1e-9)
 
 
 def draw_sweep(random):
@@ -445,12 +445,12 @@ def draw_chart(random):
 
 
 def test_chart(scenes):
-    explore(scenes, draw_chart, "chart", 807, 2, 1e-9)
+    explore(scenes, draw_chart, "chart", 807, 1, 1e-9)
 
 
 def test_laws(scenes):
     """The table of the steady forces is odd."""
-    for index, o in scenes(lambda random: draw_law(random, {}), salt=808, short=6):
+    for index, o in scenes(lambda random: draw_law(random, {}), salt=808, short=4):
         low, high = -2.5, 1.75
         found = []
         for start, end in ((low, high), (-high, -low)):

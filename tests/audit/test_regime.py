@@ -67,7 +67,7 @@ def growth(p, C):
 
 def test_words(scenes):
     """Every scene's word against the years after it."""
-    for index, (p, begin, C) in scenes(draw, 161, short=12):
+    for index, (p, begin, C) in scenes(draw, 161, short=7):
         out, _ = run([*words(p), "-out_file", "run.h5", "-out_frames", 2])
         t, size = truth(p, read(data("run.h5"), 0))  # from the program's own first frame: the start is not what is tested
         word, end, rate = out["regime"], p["ts_max_time"], growth(p, C)
@@ -120,7 +120,7 @@ def test_words_of_short_lines(scenes):
     """What slides or decays is not larger in a run four times as long, and does so beside sliding from which no wave of the
     scene grows: by every eigenvalue of its matrix."""
     looked_at = 0
-    for index, (p, start, end) in scenes(draw_short_line, 162, short=8):
+    for index, (p, start, end) in scenes(draw_short_line, 162, short=5):
         scene = words(p | start)
         out, _ = run(["-ts_max_time", end, *scene])
         if out["regime"] not in ("sliding", "decaying"):

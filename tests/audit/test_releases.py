@@ -168,7 +168,7 @@ def in_files(p):
 
 def test_shaken_blocks(scenes):
     total = 0
-    for index, (p, start, tolerance) in scenes(draw, salt=91, short=8):
+    for index, (p, start, tolerance) in scenes(draw, salt=91, short=4):
         calls.run(in_files(p | start) + ["-ts_rtol", tolerance, "-ts_atol", tolerance, "-out_events", "-out_file", "b.h5"])
         found = calls.data("b.h5")
         try:
@@ -251,7 +251,7 @@ def draw_chain(random):
 
 def test_shaken_chains_with_clusters_and_without(scenes):
     total = 0
-    for index, p in scenes(draw_chain, salt=92, short=3):
+    for index, p in scenes(draw_chain, salt=92, short=2):
         found = []
         for clusters in ("on", "off"):
             calls.run(words(p) + ["-stick_clusters", clusters, "-ts_rtol", 1e-9, "-ts_atol", 1e-11, "-out_events", "-out_frames", 2,

@@ -31,7 +31,7 @@ def end_of(options, frame=-1):
 
 def test_short_steps(scenes):
     """From 300 to 10 000 steps the error falls with the order of the method, to what so many roundings leave."""
-    for index, (options, method, split, state) in scenes(draw, 51, 5):
+    for index, (options, method, split, state) in scenes(draw, 51, 3):
         how = f"{options} -ts_type arkimex -ts_arkimex_type {method} -imex_implicit {split}"
         exact = System(options).follow(end_of(options + " -ts_max_steps 1", 0), 0, 1, rtol=1e-13, atol=1e-15)
         size = abs(exact).max()

@@ -10,7 +10,7 @@ from settling import compare, scene
 
 
 def test_what_motions_of_unlike_blocks_settle_on(scenes):
-    found = sum(compare(p, f"scene {index}") for index, p in scenes(scene, 661, short=20))
+    found = sum(compare(p, f"scene {index}") for index, p in scenes(scene, 661, short=8))
     check(found > 0, "no cycle")
 
 
@@ -38,7 +38,7 @@ def rests(random):
 def test_extremes_of_cycles_with_rests(scenes):
     """Those of the motion in twenty thousand frames of a run over one period, where it comes back."""
     compared = 0
-    for index, p in scenes(rests, 662, short=20):
+    for index, p in scenes(rests, 662, short=8):
         start = ["-init_psi", "0.5"] + (["-init_noise", "0.2"] if p["grid_n"] > 1 else [])
         done = call(words(p) + start + ["-cycle_cell", "0", "-out_file", "c.h5", "-summary", "s.json"], command="cycle")
         if done.returncode == 1:

@@ -43,7 +43,7 @@ def resolved_growth(p, system):
 
 def test_one_growth_rate(scenes):
     between = 0
-    for index, p in scenes(draw, 34, short=14):
+    for index, p in scenes(draw, 34, short=8):
         system = reference.System(p)
         dense = system.eigenvalues()
         every, tolerance = dense.real.max(), max(1e-9, 1e-7 * np.abs(dense).max())

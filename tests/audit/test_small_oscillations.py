@@ -47,7 +47,7 @@ def slow_slips(generator):
 
 def test_smoothed_slips(scenes):
     """Psi 40 times on the way, to 1e-3 of the largest or of v: what slides at v, and how fast slips are."""
-    for index, p in scenes(slow_slips, salt=142, short=3):
+    for index, p in scenes(slow_slips, salt=142, short=2):
         s = System(p)
         times = np.linspace(0.025, 1, 40) * p["ts_max_time"]
         found = solve_ivp(s.rates, (0, p["ts_max_time"]), [p["init_psi"], p["init_eta"]], method="Radau", t_eval=times,

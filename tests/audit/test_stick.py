@@ -42,7 +42,7 @@ def amplitudes(p):
 
 def test_motion(scenes):
     total = 0
-    for index, (p, start) in scenes(draw, salt=610, short=12):
+    for index, (p, start) in scenes(draw, salt=610, short=7):
         frames = 5
         calls.run(words(p | start) + ["-ts_rtol", 1e-11, "-ts_atol", 1e-12, "-out_frames", frames, "-out_file", "s.h5"])
         found = calls.data("s.h5")

@@ -50,7 +50,7 @@ def grown(system, u, times, count, generator, apart):
 def test_volumes_grow_as_those_of_nearby_motions(scenes):
     """Round-off over their distance and the steps of Radau, which the copies share, leave the differences some 1e-5. The
     first two intervals turn the vectors to where friction leaves them."""
-    for index, (p, count) in scenes(draw, salt=101, short=2):
+    for index, (p, count) in scenes(draw, salt=101, short=1):
         run(words(p) + ["-lyapunov_count", str(count), "-lyapunov_from", "0", "-ts_rtol", "1e-10", "-ts_atol", "1e-12",
                         "-out_file", "s.h5", "-out_frames", "257"])
         file = data("s.h5")

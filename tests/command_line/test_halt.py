@@ -162,8 +162,9 @@ def test_restarts_go_on_alike(steps):
     check(s["plate_time"] == 33 and s["events"] > len(truth["events/t"]), "a run that has ended goes on")
 
 
+@pytest.mark.ranks
 def test_any_number_of_ranks():
-    given = MEDIUM + " -ts_max_time 300 -ts_max_plate 30 -out_frames 31 -out_displacement"
+    given = MEDIUM + " -ts_max_time 300 -ts_max_plate 15 -out_frames 16 -out_displacement"
     run(given + " -out_file one.h5")
     run(given + " -out_file three.h5", ranks=3)
     one, three = data("one.h5"), data("three.h5")

@@ -350,7 +350,7 @@ def waves_of(p):
 
 def test_waves_on_cycles(scenes):
     """Of one node against SciPy; of a cell of two as of one, whose waves it has twice over."""
-    for index, drawn in scenes(drawn_oscillation, 67, short=3):
+    for index, drawn in scenes(drawn_oscillation, 67, short=2):
         p = {name: value for name, value in drawn.items() if name != "bc_left"}
         p |= {"grid_n": 8, "cycle_cell": 1, "model_k1": p["model_k0"] * 10**np.random.default_rng(index).uniform(-1, 1.5)}
         found, file, k, waves = waves_of(p)

@@ -6,7 +6,7 @@ import subprocess
 
 import xarray
 
-from calls import PROGRAM, SOURCE
+from calls import PROGRAM, SOURCE, ran, tool
 
 
 def walked(page):
@@ -21,8 +21,15 @@ def walked(page):
     for name in ("runs", "postprocess"):
         os.symlink(os.path.join(SOURCE, name), name)
     said = {}
+    typed = set()
     for command in commands:
-        done = subprocess.run(command, shell=True, capture_output=True, text=True)
+        plain = re.sub(r"\s+#.*", "", command)
+        program, *words = plain.split()
+        if program not in typed or re.search(r"[^\w\s./=,:+-]", plain):
+            done = subprocess.run(command, shell=True, capture_output=True, text=True)
+        else:  # of each program once more, for a tenth of the time of a start
+            done = ran([PROGRAM, *words]) if program == "build/stickslip" else tool(os.path.basename(program), *words)
+        typed.add(program)
         assert done.returncode == 0 and "stickslip: error: " not in done.stderr, f"{command}\n{done.stderr}"
         said[command] = done.stdout
 

@@ -1,5 +1,6 @@
 """The command run as a user meets it: the same answer on any number of ranks, restart, failure with results kept,
 measurements, warnings."""
+import itertools
 import os
 
 import h5py
@@ -25,20 +26,19 @@ def test_same_on_any_ranks():
         " -friction_law carlson-langer -state_law healing -ts_max_time 3",
         "-model_form chain -grid_n 5 -init_noise 0.5 -bc_left velocity -bc_right velocity -ts_max_time 3",
     ]
-    for scene in scenes:
+    for scene, ranks in zip(scenes, itertools.cycle((3, 2, 4))):
         one, _ = run(scene + " -out_file one.h5 -out_probes 0.3,1")
         reference = data("one.h5")
-        for ranks in (2, 3, 4):
-            other, _ = run(scene + " -out_file other.h5 -out_probes 0.3,1", ranks)
-            check(one["steps"] == other["steps"], f"steps on {ranks} ranks: {scene}")
-            for name in ("psi", "eta"):  # frames; the steps' own times carry the round-off of the step control
-                difference = np.abs(reference[name] - data("other.h5")[name]).max()
-                check(difference < 1e-12, f"{name} differs by {difference} on {ranks} ranks: {scene}")
+        other, _ = run(scene + " -out_file other.h5 -out_probes 0.3,1", ranks)
+        check(one["steps"] == other["steps"], f"steps on {ranks} ranks: {scene}")
+        for name in ("psi", "eta"):  # frames; the steps' own times carry the round-off of the step control
+            difference = np.abs(reference[name] - data("other.h5")[name]).max()
+            check(difference < 1e-12, f"{name} differs by {difference} on {ranks} ranks: {scene}")
 
 
 def test_restart():
     scene = "-bc_left velocity -bc_left_value -1.5 -init_type layer -grid_n 120 -out_probes 5 -ts_max_time 6"
-    methods = ["", "-ts_rk_type 3bs", "-ts_rk_type 5f", "-ts_type arkimex", "-ts_type arkimex -imex_implicit wave"]
+    methods = ["", "-ts_type arkimex -imex_implicit wave"]  # of all others test_restart.py
     for method in methods:
         for old in os.listdir("."):
             if old.startswith("whole"):
