@@ -6,12 +6,15 @@
 #include <utility>
 #include <vector>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/options/options.hpp"
+#include "stickslip/study/trial.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
@@ -36,6 +39,28 @@ class InDatabase {
  private:
   Settings settings_;
 };
+
+// The unknowns at the start, of which start(node, unknowns) says those of a node; held ends have their values.
+template <class Start>
+VecHandle started(const Model& model, const Start& start) {
+  VecHandle u = model.create_vector();
+  {
+    const Writing a(u);
+    for (PetscInt i = 0; i < model.local(); ++i) start(model.first() + i, a + i * model.dof());
+  }
+  model.set_held(u);
+  return u;
+}
+
+// What a run from there with these settings ends with, on every rank.
+template <class Start>
+Fields ended(const Scene& scene, const Settings& settings, double t, const Start& start) {
+  const InDatabase given(settings);
+  const Model model(PETSC_COMM_WORLD, scene);
+  const VecHandle u = started(model, start);
+  Integrator(model, MethodSpec::from(given.options), u).advance(u, 0, t, nullptr);
+  return fields_of(model, u, scene.n);
+}
 
 // Calls body with the law that the parameters name.
 template <class Body>

@@ -1,68 +1,32 @@
 // Space and the whole scheme against independent solutions: stencils and ends, dispersion, damping
 // identities, uniform motion, travelling waves.
-#include <slepceps.h>
-
 #include <cmath>
 #include <complex>
 #include <functional>
 
 #include "catch.hpp"
+#include "shared.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/output/displacement.hpp"
-#include "stickslip/base/error.hpp"
-#include "stickslip/options/library_options.hpp"
-#include "stickslip/model/oscillator.hpp"
-#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
 namespace {
 
-using Point = std::array<double, 2>;  // psi, eta
-using Start = std::function<Point(double x)>;
+using Node = std::array<double, 2>;  // psi, eta
+using Start = std::function<Node(double x)>;
 
-struct Run {
-  std::vector<double> psi, eta;  // on every rank
-};
+const Settings strict = {
+    {"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}};
 
 // psi and eta of every node at time t.
-Run advance(const Scene& scene, const Start& start, double t,
-            const std::vector<std::pair<std::string, std::string>>& set = {
-                {"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}}) {
-  std::vector<Given> given;
-  for (const auto& [name, text] : set) given.push_back({name, text, ""});
-  const Options options = Options::from("run", given);
-  insert_library_options(options);
-  Model model(PETSC_COMM_WORLD, scene);
-  VecHandle u = model.create_vector();
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
-  for (PetscInt i = 0; i < model.local(); ++i) {
-    const Point p = start(scene.x(model.first() + i));
-    a[2 * i] = p[0];
-    a[2 * i + 1] = p[1];
-  }
-  SS_TRY(VecRestoreArray(u, &a));
-  model.set_held(u);
-  Integrator integrator(model, MethodSpec::from(options), u);
-  integrator.advance(u, 0, t, nullptr);
-  for (const auto& [name, text] : set) clear_library_option(name);
-
-  VecScatter all;
-  VecHandle everything;
-  SS_TRY(VecScatterCreateToAll(u, &all, everything.out()));
-  SS_TRY(VecScatterBegin(all, u, everything, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(all, u, everything, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterDestroy(&all));
-  Run run;
-  const double* b;
-  SS_TRY(VecGetArrayRead(everything, &b));
-  for (PetscInt i = 0; i < scene.n; ++i) {
-    run.psi.push_back(b[2 * i]);
-    run.eta.push_back(b[2 * i + 1]);
-  }
-  SS_TRY(VecRestoreArrayRead(everything, &b));
-  return run;
+Fields advance(const Scene& scene, const Start& start, double t, const Settings& settings = strict) {
+  return ended(scene, settings, t, [&](PetscInt node, double* at) {
+    const Node p = start(scene.x(node));
+    std::copy(p.begin(), p.end(), at);
+  });
 }
 
 enum class Ends { ring, free, held };
@@ -81,59 +45,41 @@ bool held(const Scene& s, PetscInt i) {
   return (i == 0 && s.left == End::velocity) || (i == s.n - 1 && s.right == End::velocity);
 }
 
+// D2 as a matrix, row by row; none of held nodes.
+std::vector<double> second_difference(const Scene& s) {
+  std::vector<double> D(s.n * s.n);
+  for (PetscInt i = 0; i < s.n; ++i)
+    if (!held(s, i))
+      for (const auto& [node, weight] : second_difference_row(s, i)) D[i * s.n + node] += weight;
+  return D;
+}
+
 // Largest error of the solution of psi - D2 psi = g, held ends given, for the psi that the functions state.
 double elliptic_error(const Scene& s, double (*psi)(double), double (*psi_xx)(double)) {
-  const auto n = static_cast<std::size_t>(s.n);
-  std::vector<double> a(n * n), b(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double x = s.x(static_cast<PetscInt>(i));
-    a[i * n + i] = 1;
-    b[i] = psi(x);
-    if (held(s, static_cast<PetscInt>(i))) continue;
-    for (const auto& [node, weight] : second_difference_row(s, static_cast<PetscInt>(i)))
-      a[i * n + static_cast<std::size_t>(node)] -= weight;
-    b[i] -= psi_xx(x);
+  std::vector<double> a = second_difference(s), b;
+  for (double& entry : a) entry = -entry;
+  for (PetscInt i = 0; i < s.n; ++i) {
+    a[i * (s.n + 1)] += 1;
+    b.push_back(psi(s.x(i)) - (held(s, i) ? 0 : psi_xx(s.x(i))));
   }
-  CHECK(solve_dense(static_cast<int>(n), a.data(), 1, b.data()));
+  CHECK(solve_dense(int(s.n), a.data(), 1, b.data()));
   double error = 0;
-  for (std::size_t i = 0; i < n; ++i)
-    error = std::max(error, std::abs(b[i] - psi(s.x(static_cast<PetscInt>(i)))));
+  for (PetscInt i = 0; i < s.n; ++i) error = std::max(error, std::abs(b[i] - psi(s.x(i))));
   return error;
 }
 
 // Eigenvalues of D2 without its held nodes.
 std::vector<std::complex<double>> second_difference_eigenvalues(const Scene& s) {
-  std::vector<PetscInt> place(static_cast<std::size_t>(s.n), -1);
-  PetscInt count = 0;
-  for (PetscInt i = 0; i < s.n; ++i)
-    if (!held(s, i)) place[static_cast<std::size_t>(i)] = count++;
-  MatHandle D;
-  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, count, count, nullptr, D.out()));
+  const std::vector<double> D = second_difference(s);
+  std::vector<double> rest;
+  int count = 0;
   for (PetscInt i = 0; i < s.n; ++i) {
-    const PetscInt row = place[static_cast<std::size_t>(i)];
-    if (row < 0) continue;
-    for (const auto& [node, weight] : second_difference_row(s, i))
-      if (place[static_cast<std::size_t>(node)] >= 0)
-        SS_TRY(MatSetValue(D, row, place[static_cast<std::size_t>(node)], weight, ADD_VALUES));
+    if (held(s, i)) continue;
+    ++count;
+    for (PetscInt j = 0; j < s.n; ++j)
+      if (!held(s, j)) rest.push_back(D[i * s.n + j]);
   }
-  SS_TRY(MatAssemblyBegin(D, MAT_FINAL_ASSEMBLY));
-  SS_TRY(MatAssemblyEnd(D, MAT_FINAL_ASSEMBLY));
-  EPS eps;
-  SS_TRY(EPSCreate(PETSC_COMM_SELF, &eps));
-  SS_TRY(EPSSetOperators(eps, D, nullptr));
-  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
-  SS_TRY(EPSSetType(eps, EPSLAPACK));
-  SS_TRY(EPSSolve(eps));
-  PetscInt found;
-  SS_TRY(EPSGetConverged(eps, &found));
-  std::vector<std::complex<double>> values;
-  for (PetscInt i = 0; i < found; ++i) {
-    double re, im;
-    SS_TRY(EPSGetEigenvalue(eps, i, &re, &im));
-    values.emplace_back(re, im);
-  }
-  SS_TRY(EPSDestroy(&eps));
-  return values;
+  return eigenvalues(count, rest);
 }
 
 double wavy(double x) { return std::cos(1.1 * (x - 2)) + 0.3 * std::cos(2.3 * (x - 2)); }  // even about x = 2
@@ -180,21 +126,20 @@ TEST_CASE("a run reaches the order of its stencil with every end", "[space]") {
   const auto start = [&](double origin) {
     return [=](double x) {
       const double wave = std::sin(M_PI * (x - origin) / (2 * l));
-      return Point{0.8 * wave, 0.3 * wave};
+      return Node{0.8 * wave, 0.3 * wave};
     };
   };
-  const Run reference = advance(scene(Ends::ring, 8, 256), start(0), t);
+  const Fields reference = advance(scene(Ends::ring, 8, 256), start(0), t);
   for (const auto& [name, ends] : all_ends)
     for (const int order : {2, 4, 6, 8}) {
       if (ends == Ends::held && order == 8) continue;
       const auto error = [&, e = ends](PetscInt cells) {
-        const Run run = advance(scene(e, order, cells), start(e == Ends::free ? l : 0), t);
+        const Fields run = advance(scene(e, order, cells), start(e == Ends::free ? l : 0), t);
         double largest = 0;
         for (std::size_t i = 0; i < run.psi.size(); ++i) {
           if (e == Ends::held && i == 0) continue;
           // free: x from -l, which is 3 l on the ring
-          const std::size_t node = (i + (e == Ends::free ? 3 * static_cast<std::size_t>(cells) : 0)) *
-                                   (256 / static_cast<std::size_t>(cells)) % 1024;
+          const std::size_t node = (i + (e == Ends::free ? 3 * cells : 0)) * (256 / cells) % 1024;
           largest = std::max({largest, std::abs(run.psi[i] - reference.psi[node]),
                               std::abs(run.eta[i] - reference.eta[node])});
         }
@@ -243,10 +188,10 @@ TEST_CASE("small waves follow the dispersion relation, with either sign of delta
         s.v = 1;  // between the two thresholds: derived decays at 0.1, printed grows at 0.1
         s.derived_sign = derived;
         const double k = 2 * M_PI * mode / s.length, slope = s.v * s.v - 1;
-        const Run run = advance(
+        const Fields run = advance(
             s,
             [&](double x) {
-              return Point{s.v + e * std::cos(k * x), std::pow(s.v, 3) / 3 - s.v};
+              return Node{s.v + e * std::cos(k * x), std::pow(s.v, 3) / 3 - s.v};
             },
             t);
         const double C = s.A() * slope + s.s_delta(), K = s.A() * (s.K0() + s.K1() * symbol(order, s.h(), k));
@@ -272,10 +217,10 @@ TEST_CASE("modes of a chain with free ends", "[space]") {
   s.zeta = 0.3;
   for (const int mode : {0, 1, 7, 10}) {
     const double q = M_PI * mode / double(s.n), C = s.A() * s.B();
-    const Run run = advance(
+    const Fields run = advance(
         s,
         [&](double x) {
-          return Point{s.v + e * std::cos(q * (x + 0.5)), s.B() * s.v - 2. / 3};
+          return Node{s.v + e * std::cos(q * (x + 0.5)), s.B() * s.v - 2. / 3};
         },
         t);
     const double w = std::sqrt((s.k0 + 4 * s.k1 * std::pow(std::sin(q / 2), 2)) / s.m - C * C / 4);
@@ -288,15 +233,14 @@ TEST_CASE("modes of a chain with free ends", "[space]") {
 
 TEST_CASE("damping is viscosity, and scales out, to round-off", "[identity]") {
   // At fixed steps the identities hold step by step; round-off grows with the motion, here over a time of 10.
-  const std::vector<std::pair<std::string, std::string>> fixed = {
-      {"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
+  const Settings fixed = {{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
   const double t = 10;
   for (const bool derived : {true, false}) {
     Scene s = with_ends(Ends::ring, 2, 20, 20);  // spacing 1, so that a chain can be the same system
     s.derived_sign = derived;
     const double sd = s.s_delta();
-    const Start start = [](double x) { return Point{0.3 + 0.5 * std::sin(2 * M_PI * x / 20), 0.1}; };
-    const Run run = advance(s, start, t, fixed);
+    const Start start = [](double x) { return Node{0.3 + 0.5 * std::sin(2 * M_PI * x / 20), 0.1}; };
+    const Fields run = advance(s, start, t, fixed);
 
     Scene chain = s;
     chain.form = Form::chain;
@@ -305,19 +249,19 @@ TEST_CASE("damping is viscosity, and scales out, to round-off", "[identity]") {
     chain.k1 = s.c * s.c;
     chain.zeta = sd;
     const auto shifted = [&](double x) {
-      return Point{start(x)[0], start(x)[1] + sd / s.gamma * start(x)[0]};
+      return Node{start(x)[0], start(x)[1] + sd / s.gamma * start(x)[0]};
     };
-    const Run viscous = advance(chain, shifted, t, fixed);
+    const Fields viscous = advance(chain, shifted, t, fixed);
 
     const double a2 = 1 - sd / s.gamma, a = std::sqrt(a2);
     Scene scaled = s;
     scaled.gamma *= a2;
     scaled.delta = 0;
     scaled.v /= a;
-    const Run free = advance(
+    const Fields free = advance(
         scaled,
         [&](double x) {
-          return Point{start(x)[0] / a, (start(x)[1] + (1 - a2) * start(x)[0]) / (a * a2)};
+          return Node{start(x)[0] / a, (start(x)[1] + (1 - a2) * start(x)[0]) / (a * a2)};
         },
         t, fixed);
     for (std::size_t i = 0; i < run.psi.size(); ++i) {
@@ -340,9 +284,9 @@ TEST_CASE("uniform scenes follow the orbit of the oscillator", "[uniform]") {
       s.zeta = 0.3;
     }
     const Orbit orbit = uniform_orbit(s);
-    const auto start = [&](double) { return Point{orbit.psi_at(0), orbit.eta_at(0)}; };
+    const auto start = [&](double) { return Node{orbit.psi_at(0), orbit.eta_at(0)}; };
     for (const double part : {0.3, 1.}) {
-      const Run run = advance(s, start, part * orbit.period);
+      const Fields run = advance(s, start, part * orbit.period);
       for (std::size_t i = 0; i < run.psi.size(); ++i) {
         // tolerance 1e-12 a step, some 1e2 steps, on an orbit that attracts
         CHECK(run.psi[i] == Approx(orbit.psi_at(part)).margin(1e-9));
@@ -374,7 +318,7 @@ TEST_CASE("wave speeds on a ring converge at the stencil's order", "[wave][seria
     s.order = order;
     s.n = n;
     // how far the first Fourier coefficient has turned
-    const auto phase = [&](const Run& run) {
+    const auto phase = [&](const Fields& run) {
       std::complex<double> sum = 0;
       for (std::size_t i = 0; i < run.psi.size(); ++i)
         sum += run.psi[i] * std::polar(1., -2 * M_PI * double(i) / double(n));
@@ -383,12 +327,10 @@ TEST_CASE("wave speeds on a ring converge at the stencil's order", "[wave][seria
     const auto start = [&](double x) {
       const double turn = 1 - x / s.length;
       // eta = f'/A + F is the orbit's own
-      return Point{orbit.psi_at(turn), orbit.eta_at(turn)};
+      return Node{orbit.psi_at(turn), orbit.eta_at(turn)};
     };
-    const std::vector<std::pair<std::string, std::string>> tight = {
-        {"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}};
     const double T = 4;
-    const Run begin = advance(s, start, 1e-9, tight), end = advance(s, start, T, tight);
+    const Fields begin = advance(s, start, 1e-9), end = advance(s, start, T);
     const double turned = std::remainder(phase(end) - phase(begin) + 2 * M_PI * V1 * T / s.length, 2 * M_PI);
     return V1 - turned * s.length / (2 * M_PI * T);
   };
@@ -402,13 +344,10 @@ TEST_CASE("wave speeds on a ring converge at the stencil's order", "[wave][seria
 namespace {
 
 // A field that no symmetry simplifies, of all kinds of scene that have an energy.
-void fill(const Model& model, Vec u) {
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
-  for (PetscInt i = 0; i < model.local(); ++i)
-    for (int d = 0; d < 2; ++d) a[2 * i + d] = 0.6 * std::sin(1.3 * double(model.first() + i) + d) + 0.2;
-  SS_TRY(VecRestoreArray(u, &a));
-  model.set_held(u);
+VecHandle rough_start(const Model& model) {
+  return started(model, [](PetscInt node, double* at) {
+    for (int d = 0; d < 2; ++d) at[d] = 0.6 * std::sin(1.3 * double(node) + d) + 0.2;
+  });
 }
 
 std::vector<Scene> energy_scenes() {
@@ -441,8 +380,7 @@ TEST_CASE("the energy balance holds at every moment", "[energy]") {
     const Plate plate;
     Displacement displacement(model, plate);
     CHECK(displacement.has_energy());
-    VecHandle u = model.create_vector(), f = model.create_vector(), moved = model.create_vector();
-    fill(model, u);
+    VecHandle u = rough_start(model), f = model.create_vector(), moved = model.create_vector();
     model.rhs(Part::full, u, f);
     const Energy now = displacement.energy(u, 0);
     SS_TRY(VecWAXPY(moved, 0.5, f, u));
@@ -467,24 +405,17 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
     Model model(PETSC_COMM_WORLD, s);
     const Plate plate;
     Displacement displacement(model, plate);
-    VecHandle u = model.create_vector(), f = model.create_vector(), chi = displacement.create_vector(),
+    VecHandle u = rough_start(model), f = model.create_vector(), chi = displacement.create_vector(),
               later = displacement.create_vector();
-    fill(model, u);
     model.rhs(Part::full, u, f);
     const double t = 3, e = 1e-2;  // chi is linear in u and t, so that e may be large
     displacement.solve(u, t, chi);
     SS_TRY(VecAXPY(u, e, f));
     displacement.solve(u, t + e, later);
     SS_TRY(VecAXPY(u, -e, f));
-    const double *a, *b, *c;
-    SS_TRY(VecGetArrayRead(u, &a));
-    SS_TRY(VecGetArrayRead(chi, &b));
-    SS_TRY(VecGetArrayRead(later, &c));
+    const Reading a(u), b(chi), c(later);
     for (PetscInt i = 0; i < model.local(); ++i) CHECK((c[i] - b[i]) / e == Approx(a[2 * i]).margin(1e-10));
     if (model.local() > 0 && model.held(model.first())) CHECK(b[0] == Approx(-1.5 * t).margin(1e-12));
-    SS_TRY(VecRestoreArrayRead(later, &c));
-    SS_TRY(VecRestoreArrayRead(chi, &b));
-    SS_TRY(VecRestoreArrayRead(u, &a));
   }
   Scene loose;
   loose.form = Form::chain;
@@ -496,8 +427,7 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
   const Plate plate;
   Displacement displacement(model, plate);  // blocks that nothing ties are where they have gone
   CHECK(Displacement::floats(loose));
-  VecHandle u = model.create_vector(), chi = displacement.create_vector();
-  fill(model, u);
+  VecHandle u = rough_start(model), chi = displacement.create_vector();
   const std::vector<double> gone(model.local(), 0.75), start(model.local(), 0.), force(model.local(), 0.3);
   displacement.count(start, force, [&](double) -> const std::vector<double>& { return gone; });
   displacement.solve(u, 2, chi);
@@ -513,22 +443,16 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
   // method.
   const Scene s = with_ends(Ends::free, 4, 21, 6);
   const auto gap = [&](int steps) {
-    const Options options = Options::from(
-        "run", {{"ts_type", "rk", ""}, {"ts_rk_type", "4", ""}, {"ts_dt", number_text(2. / steps), ""}});
-    insert_library_options(options);
-    Model model(PETSC_COMM_WORLD, s);
+    const InDatabase given({{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", number_text(2. / steps)}});
+    const Model model(PETSC_COMM_WORLD, s);
     const Plate plate;
     Displacement displacement(model, plate);
-    VecHandle u = model.create_vector();
-    double* a;
-    SS_TRY(VecGetArray(u, &a));
-    for (PetscInt i = 0; i < model.local(); ++i) {
-      a[2 * i] = 0.3 + 0.5 * std::cos(M_PI * s.x(i) / s.length);
-      a[2 * i + 1] = 0.1;
-    }
-    SS_TRY(VecRestoreArray(u, &a));
+    const VecHandle u = started(model, [&](PetscInt node, double* at) {
+      at[0] = 0.3 + 0.5 * std::cos(M_PI * s.x(node) / s.length);
+      at[1] = 0.1;
+    });
     double first = 0, last = 0, integral = 0;
-    Integrator integrator(model, MethodSpec::from(options), u);
+    Integrator integrator(model, MethodSpec::from(given.options), u);
     integrator.advance(u, 0, 2, [&](const Integrator::Step& step) {
       const Energy e = displacement.energy(step.u, step.t);
       if (step.index == 0) first = e.kinetic + e.elastic;
@@ -537,7 +461,6 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
       integral += weight / 3 * 2. / steps * (e.input - e.friction - e.viscous);
       return Integrator::Verdict::go_on;
     });
-    for (const char* name : {"ts_type", "ts_rk_type", "ts_dt"}) clear_library_option(name);
     CHECK(integrator.report().steps == steps);
     return std::abs(last - first - integral);
   };
@@ -552,24 +475,23 @@ TEST_CASE("a corner along x = c t costs order: h^(2p/(p+1))", "[space][serial]")
   const double t = 2;
   const Start layer = [](double x) {
     const double psi = 0.1 - 1.6 * std::exp(-x * x / 4);
-    return Point{psi, psi * psi * psi / 3 - psi};
+    return Node{psi, psi * psi * psi / 3 - psi};
   };
   const auto scene = [](int order, PetscInt cells) {
     Scene s = with_ends(Ends::held, order, cells + 1, 8);
     s.left_value = -1.5;
     return s;
   };
-  const std::vector<std::pair<std::string, std::string>> tight = {{"ts_rtol", "1e-8"}, {"ts_atol", "1e-8"}};
-  const Run reference = advance(scene(4, 1024), layer, t, tight);
+  const Settings tight = {{"ts_rtol", "1e-8"}, {"ts_atol", "1e-8"}};
+  const Fields reference = advance(scene(4, 1024), layer, t, tight);
   for (const int order : {2, 4}) {
     const auto error = [&](PetscInt cells) {
-      const Run run = advance(scene(order, cells), layer, t, tight);
+      const Fields run = advance(scene(order, cells), layer, t, tight);
       double largest = 0;
       for (std::size_t i = 0; i < run.psi.size(); ++i) {
         const double x = 8. * double(i) / double(cells);
         if (x > 1 && x < 3)
-          largest = std::max(
-              largest, std::abs(run.psi[i] - reference.psi[i * 1024 / static_cast<std::size_t>(cells)]));
+          largest = std::max(largest, std::abs(run.psi[i] - reference.psi[i * 1024 / cells]));
       }
       return largest;
     };
