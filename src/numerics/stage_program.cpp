@@ -1,6 +1,8 @@
 #include "numerics/stage_program.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <numeric>
 
 namespace stickslip {
 
@@ -9,6 +11,34 @@ double StageProgram::diagonal() const {
     if (At[i * (stages + 1)] != 0) return At[i * (stages + 1)];
   return 0;
 }
+
+double StageProgram::time(int stage) const {
+  const double* const row = &(additive() ? At : A)[stage * stages];
+  return std::accumulate(row, row + stage + 1, 0.);
+}
+
+bool StageProgram::ends_at_last_stage() const {
+  const std::vector<double>& new_u = additive() ? bt : b;
+  const double* const last = &(additive() ? At : A)[(stages - 1) * stages];
+  return std::equal(new_u.begin(), new_u.end(), last, [](double x, double y) { return is_no_weight(x - y); });
+}
+
+std::vector<double> StageProgram::lacking() const {
+  std::vector<double> of_f = b;
+  for (int j = 0; j < stages && ends_at_last_stage(); ++j) of_f[j] -= A[(stages - 1) * stages + j];
+  return of_f;
+}
+
+namespace {
+std::vector<double> difference(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<double> all;
+  for (std::size_t j = 0; j < b.size(); ++j) all.push_back(a[j] - b[j]);
+  return all;
+}
+}  // namespace
+
+std::vector<double> StageProgram::error_of_f() const { return difference(b, embedded); }
+std::vector<double> StageProgram::error_of_g() const { return difference(bt, embedded_t); }
 
 std::vector<double> propagator(const StageProgram& method, int dim, const std::vector<double>& of_f,
                                const std::vector<double>& of_g, double dt) {

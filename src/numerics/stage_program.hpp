@@ -27,6 +27,13 @@ struct StageProgram {
   bool additive() const { return !At.empty(); }
   // The first diagonal entry of At that is not 0, or 0.
   double diagonal() const;
+  double time(int stage) const;  // when it is taken, in parts of the step
+  // The new u is the last stage, of an additive method but for what is explicit: for `lacking()`, the weights
+  // of f in the new u that the last stage does not have, or all where it ends otherwise.
+  bool ends_at_last_stage() const;
+  std::vector<double> lacking() const;
+  // Weights of the slopes in the error; empty where there is no estimate.
+  std::vector<double> error_of_f() const, error_of_g() const;
 };
 
 // The round-off of a tableau that was computed.

@@ -19,6 +19,7 @@
 #include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/time.hpp"
+#include "time/tiles.hpp"
 
 namespace stickslip {
 
@@ -124,8 +125,7 @@ class ImexColumns {
  private:
   struct Sum {
     int base = -1;  // column; -1: 0
-    std::vector<int> columns;
-    std::vector<double> weights;
+    SlopeSum slopes;
   };
   double* at(const BandTile& t, int index) const { return work_.get() + index * std::size_t(stride_) + t.at; }
   void add(Sum& sum, int d, const double* of_implicit, const double* of_explicit, int count) const;
@@ -140,7 +140,7 @@ class ImexColumns {
   std::array<Sum, 3> solution_, error_;
   std::unique_ptr<double[]> work_;
   std::vector<double> zeros_;
-  std::function<void(const kernel::Terms&)> add_;
+  SlopeSums add_;
 };
 
 // (diag(d) - p D2) x = b over the nodes of a BandLayout: linear systems of waves taken implicitly, eta and

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -100,8 +99,7 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
 
 kernel::Coefficients BandedImex::at_stage(const Step& step, int i) const {
   kernel::Coefficients c = coefficients_;
-  const auto row = method_.At.begin() + std::ptrdiff_t(i) * method_.stages;
-  c.v = model_.plate_velocity(step.begin + std::accumulate(row, row + i + 1, 0.) * step.dt);
+  c.v = model_.plate_velocity(step.begin + method_.time(i) * step.dt);
   return c;
 }
 

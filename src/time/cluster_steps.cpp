@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
@@ -26,13 +25,14 @@ ClusterSteps::ClusterSteps(const Model& model, const Tolerances& tolerances)
       K1_(scene_.mean_K1()), method_(TSRK, TSRK5DP), tableau_(method_.program()),
       coefficients_(kernel::coefficients_with(scene_, model.viscous() ? 1 : K1_)),
       links_(links_along(scene_, 0, scene_.n)), stencil_(stencil_loop(scene_, links_)),
-      pointwise_(loop_for<PointwiseLoop>(scene_.friction, true, friction_places(scene_, 0, scene_.n))),
-      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
+      pointwise_(loop_for<PointwiseLoop>(scene_.friction, true, friction_places(scene_, 0, scene_.n))) {
   if (halts(scene_)) coefficients_.v = 0;  // as long as there is a cluster
-  for (int j = 0; j < tableau_.stages; ++j) {
-    error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
-    const double* const row = &tableau_.A[j * tableau_.stages];
-    const double time = std::accumulate(row, row + j, 0.);
+  const std::vector<double> of_error = tableau_.error_of_f();
+  for (int i = 0; i < tableau_.stages; ++i) {
+    stage_sums_.emplace_back();
+    for (int j = 0; j < i; ++j) stage_sums_.back().add(j, tableau_.A[i * tableau_.stages + j]);
+    error_.add(i, of_error[i]);
+    const double time = tableau_.time(i);
     stage_times_.push_back(is_no_weight(time - 1) ? 1 : time);
   }
   for (PetscInt j = 1; j <= reach_ && !scene_.ring(); ++j) {
@@ -109,26 +109,15 @@ void ClusterSteps::slope_of(const Cluster& c, double t, double* u, double* f, Pa
   }
 }
 
-// base + factor sum_j weights[j] slope_j, of all unknowns of some nodes.
-void ClusterSteps::sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
+// base + factor times the sum, of all unknowns of some nodes.
+void ClusterSteps::sum(const Cluster& c, const double* base, const SlopeSum& slopes, double factor,
                        double* into, Part nodes) const {
-  constexpr int most_terms = 8;  // of rk:5dp there are seven
-  const double* slopes[most_terms];
-  double of_slopes[most_terms];
-  int terms = 0;
-  for (int j = 0; j < count; ++j) {
-    if (weights[j] == 0) continue;
-    slopes[terms] = c.block(Cluster::slopes + j);
-    of_slopes[terms++] = factor * weights[j];
-  }
-  if (nodes.end - nodes.begin == c.count)
-    return add_({base, slopes, of_slopes, terms, into, PetscInt(c.size)});
-  for (int d = 0; d < dof_; ++d) {
-    const double* of_part[most_terms];
-    const std::size_t at = c.place(d) + std::size_t(nodes.begin);
-    for (int j = 0; j < terms; ++j) of_part[j] = slopes[j] + at;
-    add_({base + at, of_part, of_slopes, terms, into + at, nodes.end - nodes.begin});
-  }
+  const auto on = [&](std::size_t from, PetscInt count) {
+    add_(base + from, slopes, factor, count, into + from,
+         [&](int j) { return c.block(Cluster::slopes + j) + from; });
+  };
+  if (nodes.end - nodes.begin == c.count) return on(0, PetscInt(c.size));
+  for (int d = 0; d < dof_; ++d) on(c.place(d) + std::size_t(nodes.begin), nodes.end - nodes.begin);
 }
 
 // Calls body for nodes from begin to end, which may lie beyond the ends of the cluster: one that goes round
@@ -163,7 +152,7 @@ double ClusterSteps::attempt(Cluster& c, double dt, Part nodes) {
     double* const y = c.block(i + 1 < stages ? Cluster::stage : Cluster::next);
     const PetscInt beside = (stages - 1 - i) * reach_;
     for_parts(c, nodes.begin - beside - reach_, nodes.end + beside + reach_,
-              [&](Part part) { sum(c, u, &tableau_.A[i * stages], i, dt, y, part); });
+              [&](Part part) { sum(c, u, stage_sums_[i], dt, y, part); });
     close_ends(c, y + c.place(0));
     for_parts(c, nodes.begin - beside, nodes.end + beside, [&](Part part) {
       slope_of(c, c.t0 + stage_times_[i] * dt, y, c.block(Cluster::slopes + i), part);
@@ -172,7 +161,7 @@ double ClusterSteps::attempt(Cluster& c, double dt, Part nodes) {
   double *const error = c.block(Cluster::stage), largest = 0, not_finite = 0;
   const double* const next = c.block(Cluster::next);
   for (int d = 0; d < dof_; ++d) std::fill_n(error + c.place(d) + nodes.begin, nodes.end - nodes.begin, 0.);
-  sum(c, error, error_weights_.data(), stages, dt, error, nodes);
+  sum(c, error, error_, dt, error, nodes);
   for (int d = 0; d < dof_; ++d) {
     const double atol = tolerances_.absolute[d], rtol = tolerances_.relative[d];
     for (std::size_t k = c.place(d) + std::size_t(nodes.begin); k < c.place(d) + std::size_t(nodes.end);
@@ -229,8 +218,9 @@ void ClusterSteps::accept(Cluster& c) const {
 }
 
 void ClusterSteps::interpolate(const Cluster& c, double part, double* into) const {
-  const std::vector<double> weights = method_.weights_at(part, c.dt);
-  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into, {0, c.count});
+  SlopeSum slopes{{}, method_.weights_at(part, c.dt)};
+  for (std::size_t j = 0; j < slopes.weights.size(); ++j) slopes.columns.push_back(int(j));
+  sum(c, c.block(Cluster::now), slopes, 1, into, {0, c.count});
 }
 
 void ClusterSteps::at(const Cluster& c, double t, double* into) const {

@@ -223,8 +223,8 @@ class ClusterSteps {
   };
   template <class Body>
   void for_parts(const Cluster& c, PetscInt begin, PetscInt end, const Body& body) const;
-  void sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
-           double* into, Part nodes) const;
+  void sum(const Cluster& c, const double* base, const SlopeSum& slopes, double factor, double* into,
+           Part nodes) const;
   void slope_of(const Cluster& c, double t, double* u, double* f, Part nodes);
   double attempt(Cluster& c, double dt);
   double attempt(Cluster& c, double dt, Part nodes);
@@ -244,14 +244,15 @@ class ClusterSteps {
   double unseen_, N_, K1_;
   FusedMethod method_;
   const StageProgram& tableau_;
-  std::vector<double> error_weights_;  // of its slopes, times the length of a step
+  std::vector<SlopeSum> stage_sums_;   // of its slopes; the last one gives the new values
+  SlopeSum error_;
   std::vector<double> stage_times_;    // in parts of a step
   kernel::Coefficients coefficients_;
   std::array<std::vector<Combination>, 2> ends_;  // of a line: the nodes beyond each
   std::vector<double> links_;                     // where they differ (links_along)
   StencilLoop stencil_;
   PointwiseLoop pointwise_;
-  std::function<void(const kernel::Terms&)> add_;
+  SlopeSums add_;
   stick_rule::Candidates candidates_;
   std::array<std::vector<double>, 4> forces_;  // with viscosity: eta + N D2 psi
   std::vector<double> d2_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -36,40 +35,24 @@ bool has_weight(const std::vector<double>& rows, int stages, int j) {
   return false;
 }
 
-// The new u is the last stage, of an additive method but for what is explicit.
-bool ends_at_last_stage(const StageProgram& m) {
-  const std::vector<double>& new_u = m.additive() ? m.bt : m.b;
-  const double* const last = &(m.additive() ? m.At : m.A)[(m.stages - 1) * m.stages];
-  return std::equal(new_u.begin(), new_u.end(), last, [](double a, double b) { return is_no_weight(a - b); });
-}
-
-// Weights of f in the new u, less those that it has in the last stage where that is what it begins with.
-std::vector<double> lacking(const StageProgram& m) {
-  std::vector<double> of_f = m.b;
-  const double* const last = &m.A[(m.stages - 1) * m.stages];
-  for (int j = 0; j < m.stages && ends_at_last_stage(m); ++j) of_f[j] -= last[j];
-  return of_f;
-}
-
 }  // namespace
 
 std::vector<TiledStep::Stage> TiledStep::stages_of(const StageProgram& m) {
   const int s = m.stages;
-  const std::vector<double> new_u = lacking(m);
+  const std::vector<double> new_u = m.lacking();
   std::vector<Stage> stages(s);
   int column = slopes_from;
   for (int i = 0; i < s; ++i) {
     const auto is_there = [&](const auto&... rows) { return m.dense || (has_weight(rows, s, i) || ...); };
     if (m.additive() && is_there(m.At, m.bt, m.embedded_t)) stages[i].g = column++;
     if (is_there(m.A, m.b, m.embedded)) stages[i].f = column++;
-    const double* const row = &(m.additive() ? m.At : m.A)[i * s];
-    stages[i].time = std::accumulate(row, row + i + 1, 0.);
-    if (m.additive()) stages[i].diagonal = row[i];
+    stages[i].time = m.time(i);
+    if (m.additive()) stages[i].diagonal = m.At[i * s + i];
   }
   for (int j = s; j-- > 0;) {  // also by way of later stages
     stages[j].used = !is_no_weight(new_u[j]);
     for (int i = j + 1; i < s; ++i) {
-      const bool is_needed = m.additive() || stages[i].used || (i + 1 == s && ends_at_last_stage(m));
+      const bool is_needed = m.additive() || stages[i].used || (i + 1 == s && m.ends_at_last_stage());
       if (is_needed && !is_no_weight(m.A[i * s + j])) stages[j].used = true;
     }
   }
@@ -89,7 +72,7 @@ TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticki
       driving_(known_ + (method.additive() ? 1 : 0)),
       tiles_(model, explicit_slopes(true), driving_ - slopes_from + (model.viscous() ? 1 : 0), sticking),
       coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().mean_K1())),
-      additive_(method.additive()), last_is_new_(ends_at_last_stage(method)), target_(method.target),
+      additive_(method.additive()), last_is_new_(method.ends_at_last_stage()), target_(method.target),
       K1_(model.scene().mean_K1()), N_(model.scene().N()), solve_(tiles_, sticking),
       stencil_(stencil_loop(model.scene(), tiles_.links())),
       pointwise_(loop_for<PointwiseLoop>(model.scene().friction, sticking, tiles_.places())) {
@@ -101,26 +84,18 @@ TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticki
   }
   const double* const of_g = additive_ && !last_is_new_ ? method.bt.data() : nullptr;
   solution_[0] = row_of(nullptr, of_g, s);
-  solution_[1] = row_of(lacking(method).data(), of_g, s);
+  solution_[1] = row_of(method.lacking().data(), of_g, s);
   if (method.embedded.empty()) return;
   if (additive_) slaves_ = SlaveErrors(model.scene(), tiles_.places());
-  std::vector<double> f = method.b, g = method.bt;
-  for (int j = 0; j < s; ++j) f[j] -= method.embedded[j];
-  for (int j = 0; j < s && additive_; ++j) g[j] -= method.embedded_t[j];
-  error_ = row_of(f.data(), additive_ ? g.data() : nullptr, s);
+  error_ = row_of(method.error_of_f().data(), additive_ ? method.error_of_g().data() : nullptr, s);
 }
 
 // The sum of the first `count` slopes; either part may be absent.
-Row TiledStep::row_of(const double* of_f, const double* of_g, int count) const {
-  Row row;
-  const auto add = [&](int column, const double* weights, int j) {
-    if (!weights || is_no_weight(weights[j])) return;
-    row.column.push_back(column);
-    row.weight.push_back(weights[j]);
-  };
+SlopeSum TiledStep::row_of(const double* of_f, const double* of_g, int count) const {
+  SlopeSum row;
   for (int j = 0; j < count; ++j) {
-    add(stages_[j].g, of_g, j);
-    add(stages_[j].f, of_f, j);
+    if (of_g) row.add(stages_[j].g, of_g[j]);
+    if (of_f) row.add(stages_[j].f, of_f[j]);
   }
   return row;
 }
@@ -169,8 +144,8 @@ long TiledStep::through(const Tile& t, const Step& step) const {
       add_pointwise(t, index, stage.f, at_stage(step, stage), own.begin, own.end);
   }
   for (int d = 0; d < tiles_.dof(); ++d) {
-    const Row& row = solution_[has_explicit(d)];
-    if (last_is_new_ && row.column.empty()) continue;
+    const SlopeSum& row = solution_[has_explicit(d)];
+    if (last_is_new_ && row.columns.empty()) continue;
     tiles_.sum(t, d, tiles_.column(last_is_new_ ? 1 : 0, d), row, step.dt, t.begin, t.end,
                tiles_.column(1, d));
   }

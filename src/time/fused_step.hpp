@@ -90,10 +90,10 @@ class TiledStep : public StepTaker {
     bool used = false;    // f, in the new u
     double diagonal = 0;  // of At
     double time = 0;      // in parts of the step
-    Row sum[2];           // before it: of g alone, for unknowns without an explicit part, and of both
+    SlopeSum sum[2];      // before it: of g alone, for unknowns without an explicit part, and of both
   };
   static std::vector<Stage> stages_of(const StageProgram& method);
-  Row row_of(const double* of_f, const double* of_g, int count) const;
+  SlopeSum row_of(const double* of_f, const double* of_g, int count) const;
   // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
   long through(const Tile& t, const Step& step) const;
   long values_of(const Tile& t, int i, const Step& step, Range wide, Range own) const;
@@ -125,8 +125,8 @@ class TiledStep : public StepTaker {
   // The last stage is the new u: of an additive method but for what is explicit.
   bool last_is_new_ = false;
   double target_;    // of the implicit equations; 0: as the error norm has it
-  Row solution_[2];  // as Stage::sum; where last_is_new_, what its values lack
-  Row error_;        // empty: no estimate of the error
+  SlopeSum solution_[2];  // as Stage::sum; where last_is_new_, what its values lack
+  SlopeSum error_;   // empty: no estimate of the error
   double K1_, N_;    // where neighbours have viscosity
   PointwiseSolve solve_;
   StencilLoop stencil_;

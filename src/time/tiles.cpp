@@ -69,7 +69,6 @@ void SlaveErrors::operator()(const Columns& c,
 namespace {
 
 constexpr PetscInt tile_nodes = 256;  // a tile with its slopes: some 50 kB
-constexpr int most_terms = 64;
 
 // Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more
 // than they save, and the closures of an end must lie within one tile. Collective.
@@ -84,7 +83,6 @@ bool is_closed(const Model& model, int stages) {
 Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
     : model_(model), dof_(model.dof()), half_width_(model.scene().order / 2), first_(model.first()),
       local_(model.local()), n_(model.scene().n), closed_(is_closed(model, stages)),
-      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
       to_columns_(kernel::copy_loop<true>(dof_)), from_columns_(kernel::copy_loop<false>(dof_)) {
   const bool open_ring = model.scene().ring() && !closed_;
   constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
@@ -178,17 +176,10 @@ void Tiles::store(const Tile& t, int index, double* u) const {
   from_columns_({u + t.own_begin * dof_, columns(t, index, t.own_begin).data(), t.own_end - t.own_begin});
 }
 
-void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin,
+void Tiles::sum(const Tile& t, int d, const double* base, const SlopeSum& row, double dt, PetscInt begin,
                 PetscInt end, double* into) const {
-  const double* terms[most_terms];
-  double weights[most_terms];
-  const auto count = row.column.size();
-  for (std::size_t j = 0; j < count; ++j) {
-    terms[j] = column(row.column[j], d) + (begin - t.from);
-    weights[j] = dt * row.weight[j];
-  }
-  add_({base + (begin - t.from), terms, weights, static_cast<int>(count), into + (begin - t.from),
-        end - begin});
+  const PetscInt at = begin - t.from;
+  add_(base + at, row, dt, end - begin, into + at, [&](int index) { return column(index, d) + at; });
 }
 
 void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
@@ -212,7 +203,7 @@ Tile Tiles::tile(PetscInt number, PetscInt reach) const {
   return {begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
 }
 
-void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
+void Tiles::measure(const Tile& t, const SlopeSum& error, double dt, const ErrorNorm& norm, bool estimate,
                     StepErrors::Sums& sums, const std::function<void()>& refine) const {
   const PetscInt at = t.own_begin - t.from, count = t.own_end - t.own_begin;
   for (int d = 0; d < dof_ && estimate; ++d)  // u itself is not needed any more

@@ -19,6 +19,7 @@
 #include "base/local_values.hpp"
 #include "model/kernel.hpp"
 #include "model/law_columns.hpp"
+#include "numerics/stage_program.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
@@ -118,10 +119,39 @@ struct Tile {
   PetscInt from, to;            // the nodes that are loaded
 };
 
-// The terms of a sum that are not zero.
-struct Row {
-  std::vector<int> column;  // see Tiles::column
-  std::vector<double> weight;
+// A sum of slopes, as the tableau of a method has it for a stage, the new values, their error or a place
+// between steps: columns, which are the user's, and weights.
+struct SlopeSum {
+  std::vector<int> columns;
+  std::vector<double> weights;
+  // `factor`: by which the slope that is meant differs from the column.
+  void add(int column, double weight, double factor = 1) {
+    if (is_no_weight(weight)) return;
+    columns.push_back(column);
+    weights.push_back(weight * factor);
+  }
+};
+
+// into = base + dt * the sum on `count` values; at(column): where the column's lie.
+class SlopeSums {
+ public:
+  template <class At>
+  void operator()(const double* base, const SlopeSum& sum, double dt, PetscInt count, double* into,
+                  const At& at) const {
+    constexpr int most_terms = 64;
+    const double* terms[most_terms];
+    double weights[most_terms];
+    const std::size_t size = sum.columns.size();
+    for (std::size_t j = 0; j < size; ++j) {
+      terms[j] = at(sum.columns[j]);
+      weights[j] = dt * sum.weights[j];
+    }
+    add_({base, terms, weights, int(size), into, count});
+  }
+
+ private:
+  std::function<void(const kernel::Terms&)> add_ =
+      kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{});
 };
 
 class Tiles {
@@ -163,7 +193,7 @@ class Tiles {
   double* column(int index, int d) const { return &work_[(index * dof_ + d) * stride_ + pad_]; }
   const double* zeros() const { return zeros_.data(); }
   // into = base + dt * the row's sum, of unknown d on [begin, end); base, into: as column() gives them.
-  void sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
+  void sum(const Tile& t, int d, const double* base, const SlopeSum& row, double dt, PetscInt begin, PetscInt end,
            double* into) const;
   // psi beyond an end of the grid, where [begin - half_width, end + half_width) passes it. psi: of node 0.
   void close_ends(double* psi, PetscInt begin, PetscInt end) const;
@@ -191,7 +221,7 @@ class Tiles {
   // ---- over a step: what the new values err by ----
   // The new u stands in columns 1; columns 0 are used up. `estimate` false: only whether it is finite.
   // `refine`: what is made of the errors in columns 0.
-  void measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
+  void measure(const Tile& t, const SlopeSum& error, double dt, const ErrorNorm& norm, bool estimate,
                StepErrors::Sums& sums, const std::function<void()>& refine) const;
 
  private:
@@ -215,7 +245,7 @@ class Tiles {
   std::vector<double> amplitude_, direction_;  // of the nodes -left_halo .. local + right_halo - 1
   // psi beyond an end, by local nodes
   std::vector<std::vector<std::pair<PetscInt, double>>> left_end_, right_end_;
-  std::function<void(const kernel::Terms&)> add_;
+  SlopeSums add_;
   StepErrors errors_;
   kernel::Copy to_columns_, from_columns_;
   std::optional<NodeFetch> fetch_;     // of the halo; none where there is none
