@@ -9,11 +9,11 @@
 #include <ctime>
 
 #include "catch.hpp"
-#include "study/simulate.hpp"
-#include "time/fused_step.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/stick.hpp"
+#include "study/simulate.hpp"
+#include "time/tiles.hpp"
 
 using namespace stickslip;
 

@@ -14,9 +14,9 @@
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/banded_imex.hpp"
+#include "time/band.hpp"
 #include "time/methods.hpp"
-#include "time/fused_step.hpp"
+#include "time/tiles.hpp"
 
 using namespace stickslip;
 

@@ -18,10 +18,9 @@
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
 #include "study/simulate_clusters.hpp"
-#include "time/banded_imex.hpp"
-#include "time/methods.hpp"
+#include "time/band.hpp"
 #include "time/integrator_impl.hpp"
-#include "time/stepper.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 

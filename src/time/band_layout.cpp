@@ -5,7 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
-#include "time/piece_kernel.hpp"
+#include "time/band_system_of.hpp"
 
 namespace stickslip {
 

@@ -1,11 +1,11 @@
-#include "time/banded_imex.hpp"
+#include "time/band.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "time/piece_kernel.hpp"
+#include "time/band_system_of.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "time/stepper.hpp"
+#include "time/integrator_impl.hpp"
 
 #include <algorithm>
 #include <cmath>

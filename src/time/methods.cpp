@@ -10,9 +10,8 @@
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
-#include "stickslip/time/register_method.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/banded_imex.hpp"
+#include "time/band.hpp"
 #include "time/methods.hpp"
 
 namespace stickslip {

@@ -11,7 +11,7 @@
 #include "numerics/stage_program.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/fused_step.hpp"
+#include "time/tiles.hpp"
 
 namespace stickslip {
 
@@ -57,7 +57,7 @@ std::string subtype_of(TS ts, const std::string& type);
 std::string library_type(const std::string& fused);
 void register_fused_types();  // as names that -ts_type accepts and -ts_view shows
 
-// A method whose stages are taken tile by tile (stepper.hpp), with the library's tableau and its values
+// A method whose stages are taken tile by tile (tiles.hpp), with the library's tableau and its values
 // between steps.
 class FusedMethod {
  public:

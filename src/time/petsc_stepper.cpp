@@ -1,4 +1,4 @@
-#include "time/stepper.hpp"
+#include "time/integrator_impl.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,9 @@
 #include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/direct_ksp.hpp"
-#include "stickslip/time/tolerances.hpp"
-#include "time/fused_step.hpp"
+#include "stickslip/time/time.hpp"
 #include "time/methods.hpp"
+#include "time/tiles.hpp"
 
 namespace stickslip {
 

@@ -12,7 +12,6 @@
 #include "base/local_values.hpp"
 #include "model/massless.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/time/tolerances.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {

@@ -1,5 +1,5 @@
 // The program, for one of one's own that adds laws or methods (src/commands/register_law.hpp,
-// stickslip/time/register_method.hpp).
+// stickslip/time/methods.hpp).
 #pragma once
 
 namespace stickslip {

@@ -82,7 +82,7 @@ class Model {
   // of order p - 2 (stencil.hpp). Collective.
   void viscous_force(Vec u, Vec into) const;
   long rhs_evaluations() const { return evaluations_; }                // of every part, since the start
-  void count_evaluations(long count) const { evaluations_ += count; }  // made by others (fused_step)
+  void count_evaluations(long count) const { evaluations_ += count; }  // made by others (time/tiles)
 
   // A matrix with the pattern of the Jacobian of `part` (block size dof(); BAIJ, AIJ without a stencil).
   MatHandle create_jacobian(Part part) const;

@@ -4,7 +4,7 @@
 
 #include "commands/register_law.hpp"
 #include "stickslip/commands/program.hpp"
-#include "stickslip/time/register_method.hpp"
+#include "stickslip/time/methods.hpp"
 
 namespace {
 
