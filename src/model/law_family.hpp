@@ -1,11 +1,10 @@
-// The columns of a law (law_columns.hpp), compiled for its class.
+// The columns of a law (kernel.hpp), compiled for its class.
 #pragma once
 
 #include <cstdint>
 
 #include "model/dispatch.hpp"
 #include "model/kernel.hpp"
-#include "model/law_columns.hpp"
 
 namespace stickslip {
 

@@ -2,10 +2,8 @@
 #pragma once
 
 #include "model/laws/of_velocity.hpp"
-#include "model/laws/rate_and_state.hpp"
+#include "model/laws/with_state.hpp"
 #include "model/laws/table.hpp"
-#include "model/laws/with_slip.hpp"
-#include "model/state_laws.hpp"
 
 namespace stickslip {
 

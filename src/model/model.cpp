@@ -7,7 +7,6 @@
 #include "base/broadcast.hpp"
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
-#include "model/massless.hpp"
 #include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/frictions.hpp"

@@ -315,7 +315,8 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   if (can.kicks && model.viscous())
     throw UsageError(
         "ts_type " + choice.type + ": viscosity between neighbours (model_nu " +
-        number_text(model.scene().nu) + ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
+        number_text(model.scene().nu) +
+        ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
   if (sticks && choice.implicit == Implicit::wave)
     throw UsageError(
         "imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "

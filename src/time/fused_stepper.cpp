@@ -163,7 +163,8 @@ void StepControl::monitor(const Tried& tried, const Choice& choice) const {
 FusedStepper::FusedStepper(const Model& model, TS ts, const std::string& type, const std::string& subtype,
                            Implicit implicit, bool sticking, Loop loop)
     : model_(model), ts_(ts), type_(type), method_(type, subtype), implicit_(implicit),
-      loop_(std::move(loop)), taker_(method_.make(model, implicit, sticking)), before_(model.create_vector()) {}
+      loop_(std::move(loop)), taker_(method_.make(model, implicit, sticking)),
+      before_(model.create_vector()) {}
 
 void FusedStepper::set_up(const Method&, bool adaptive, PetscInt most_rejections) {
   adaptive_ = adaptive;

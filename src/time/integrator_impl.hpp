@@ -262,7 +262,8 @@ class PetscStepper : public Stepper {
   PetscInt rejections_ = 0;      // seen so far
 };
 
-// The other parts of an Integrator: each knows its own business, and the loop over steps brings them together.
+// The other parts of an Integrator: each knows its own business, and the loop over steps brings them
+// together.
 
 // Where a run stands: how far it has come, the step that comes next, who watches and when it ends.
 struct Drive {

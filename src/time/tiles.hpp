@@ -18,7 +18,6 @@
 
 #include "base/local_values.hpp"
 #include "model/kernel.hpp"
-#include "model/law_columns.hpp"
 #include "model/loops.hpp"
 #include "numerics/stage_program.hpp"
 #include "stickslip/base/handle.hpp"
@@ -192,8 +191,8 @@ class Tiles {
   double* column(int index, int d) const { return &work_[(index * dof_ + d) * stride_ + pad_]; }
   const double* zeros() const { return zeros_.data(); }
   // into = base + dt * the row's sum, of unknown d on [begin, end); base, into: as column() gives them.
-  void sum(const Tile& t, int d, const double* base, const SlopeSum& row, double dt, PetscInt begin, PetscInt end,
-           double* into) const;
+  void sum(const Tile& t, int d, const double* base, const SlopeSum& row, double dt, PetscInt begin,
+           PetscInt end, double* into) const;
   // psi beyond an end of the grid, where [begin - half_width, end + half_width) passes it. psi: of node 0.
   void close_ends(double* psi, PetscInt begin, PetscInt end) const;
   // Copies the tile's own part of columns `index` to the array of a Vec.

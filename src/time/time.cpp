@@ -10,7 +10,7 @@
 #include "base/failure.hpp"
 #include "base/local_copy.hpp"
 #include "base/local_values.hpp"
-#include "model/massless.hpp"
+#include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
 #include "time/integrator_impl.hpp"
 

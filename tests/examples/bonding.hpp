@@ -1,5 +1,5 @@
 #pragma once
-#include "model/state_laws.hpp"
+#include "model/laws/with_state.hpp"
 
 namespace stickslip {
 
