@@ -259,6 +259,24 @@ using NewtonLoop =
 template <class Loop>
 Loop loop_for(const FrictionParameters& friction, bool sticking, const FrictionPlaces& places);
 
+// The terms of nodes between which there is viscosity: what drives a node is e = eta + N D2 psi in the place
+// of eta, of which the pointwise loops know nothing.
+struct ViscousTerms {
+  double N, K1;
+
+  // As pointwise(c, k), with D2 psi in the place of k.coupling (which is written to, and may be k.f_eta), for
+  // room of k.count numbers each. `linear`: eta is among the terms that are asked for; else what rests feels
+  // nothing.
+  void operator()(const PointwiseLoop& pointwise, const kernel::Coefficients& c, kernel::Columns k,
+                  double* coupling, double* d2, double* driving, bool linear = true) const;
+};
+
+// The rates of a held node: psi stands, and in the continuum eta, which is output there, does too.
+inline void hold(const Scene& scene, double& psi_t, double& eta_t) {
+  psi_t = 0;
+  if (scene.form == Form::continuum) eta_t = 0;
+}
+
 // What is pointwise without friction; `medium`: of each node, empty where all are alike.
 PointwiseLoop frictionless_loop(int dof, const std::vector<NodeCoefficients>& medium);
 

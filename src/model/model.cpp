@@ -162,10 +162,7 @@ void Model::rhs(Part part, Vec u, Vec f) const {
   over_ranges(u, f, has_stencil(part),
               [&](const InterleavedRange& r) { right_hand_side_->take(part, v_, r); });
   const Writing b(f);
-  for_held([&](PetscInt i) {
-    b[i * dof_] = 0;
-    if (scene_.form == Form::continuum) b[i * dof_ + 1] = 0;
-  });
+  for_held([&](PetscInt i) { hold(scene_, b[i * dof_], b[i * dof_ + 1]); });
   for (std::size_t i = 0; i < ageing_.size() && has_friction(part); ++i)
     b[PetscInt(i) * dof_ + 2] += ageing_[i];
 }

@@ -30,6 +30,24 @@ struct RightHandSide::Tile {
   double* f = nullptr;  // of its first node
 };
 
+// In this order everywhere, so that steps in tiles, of clusters and PETSc's are the same to the last bit.
+void ViscousTerms::operator()(const PointwiseLoop& pointwise, const kernel::Coefficients& c,
+                              kernel::Columns k, double* coupling, double* d2, double* driving,
+                              bool linear) const {
+#pragma GCC ivdep
+  for (PetscInt i = 0; i < k.count; ++i) {
+    d2[i] = coupling[i];
+    const double force = !linear && k.direction && k.direction[i] == 0 ? 0 : N * d2[i];
+    driving[i] = linear ? k.eta[i] + force : force;
+    coupling[i] = 0;
+  }
+  k.eta = driving;
+  k.coupling = coupling;
+  pointwise(c, k);
+  const PetscInt apart = !k.interleaved ? 1 : k.state ? 3 : 2;
+  for (PetscInt i = 0; i < k.count; ++i) k.f_eta[i * apart] += K1 * d2[i];
+}
+
 RightHandSide::RightHandSide(const Scene& s, PetscInt first, PetscInt count)
     : dof_(s.friction.has_state() ? 3 : 2), half_width_(s.order / 2), massless_(s.massless()),
       K1_(s.mean_K1()), N_(s.N()), coefficients_(kernel::coefficients_with(s, N_ > 0 ? 1 : K1_)),
@@ -72,16 +90,13 @@ void RightHandSide::take(Part part, double v, const InterleavedRange& r) const {
   over_tiles(r, coupled, [&](Tile& t) {
     const auto at = [&](const double* of_nodes) { return of_nodes ? of_nodes + t.begin : nullptr; };
     const double* const going = at(direction);
-    for (PetscInt i = 0; i < t.count && viscous; ++i) {
-      t.d2[i] = t.coupling[i];
-      const double force = !linear && going && going[i] == 0 ? 0 : N_ * t.d2[i];
-      t.driving[i] = linear ? t.eta[i] + force : force;
-      t.coupling[i] = 0;
-    }
-    pointwise(c,
-              {t.psi, linear && !viscous ? t.eta : t.driving, dof_ == 3 ? t.state : nullptr, at(r.amplitude),
-               t.coupling, t.f, t.f + 1, t.f + 2, t.count, going, r.node + t.begin, true});
-    for (PetscInt i = 0; i < t.count && viscous; ++i) t.f[i * dof_ + 1] += K1_ * t.d2[i];
+    const kernel::Columns columns{
+        t.psi, linear ? t.eta : t.driving, dof_ == 3 ? t.state : nullptr, at(r.amplitude), t.coupling,
+        t.f,   t.f + 1,                    t.f + 2, t.count, going, r.node + t.begin, true};
+    if (viscous)
+      ViscousTerms{N_, K1_}(pointwise, c, columns, t.coupling, t.d2, t.driving, linear);
+    else
+      pointwise(c, columns);
   });
 }
 

@@ -184,27 +184,22 @@ void BandedImex::take_first(const BandTile& t, const Step& step) const {
   const kernel::Coefficients c = at_stage(step, 0);
   const double K1 = model_.scene().K1(), N = model_.scene().N();
   const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1), *const d2 = columns_.d2(t);
-  double* const driving = b_.data();
-  double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0), *const g_eta = columns_.slope(
-                                                                               t, ImexColumns::of_implicit, 0,
-                                                                               1);
-  for (PetscInt i = 0; i < t.count(); ++i) driving[i] = eta[i] + N * d2[i];
+  const auto slope = [&](int d) { return columns_.slope(t, ImexColumns::of_implicit, 0, d); };
+  double *const g_psi = slope(0), *const g_eta = slope(1);
   if (implicit_ == Implicit::wave) {
     for (PetscInt i = 0; i < t.count(); ++i) {
-      g_psi[i] = c.A * (driving[i] - c.B * psi[i]);
-      g_eta[i] = c.K0 * (c.v - psi[i]) + K1 * d2[i] - c.s_delta * driving[i];
+      const double driving = eta[i] + N * d2[i];
+      g_psi[i] = c.A * (driving - c.B * psi[i]);
+      g_eta[i] = c.K0 * (c.v - psi[i]) + K1 * d2[i] - c.s_delta * driving;
     }
   } else {
-    std::fill(g_eta, g_eta + t.count(), 0.);
-    pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr, of_tile(amplitude_, t),
-                   g_eta, g_psi, g_eta, columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
-                   of_tile(direction_, t), t.at});
-    for (PetscInt i = 0; i < t.count(); ++i) g_eta[i] += K1 * d2[i];
+    std::copy(d2, d2 + t.count(), g_eta);
+    ViscousTerms{N, K1}(pointwise_, c,
+                        {psi, eta, model_.dof() == 3 ? columns_.u(t, 2) : nullptr, of_tile(amplitude_, t),
+                         g_eta, g_psi, g_eta, slope(2), t.count(), of_tile(direction_, t), t.at},
+                        g_eta, x_.data(), b_.data());
   }
-  for_held(t, [&](PetscInt i, const Combination&) {
-    g_psi[i] = 0;
-    if (model_.scene().form == Form::continuum) g_eta[i] = 0;
-  });
+  for_held(t, [&](PetscInt i, const Combination&) { stickslip::hold(model_.scene(), g_psi[i], g_eta[i]); });
   if (implicit_ == Implicit::wave) take_explicit(t, 0);
 }
 

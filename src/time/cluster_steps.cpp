@@ -84,31 +84,24 @@ void ClusterSteps::slope_of(const Cluster& c, double t, double* u, double* f, Pa
   kernel::Coefficients coefficients = coefficients_;
   if (loaded_) coefficients.v = scene_.load.in_piece(scene_.load.piece_from(c.t0), t);
   if (links_.empty()) stencil_(coefficients, {u + psi, f + eta, PetscInt(count)});
-  const double* driving = u + eta;
-  if (N_ > 0) {  // in the order of model/right_hand_side.cpp, so that it is the same to the last bit
-    d2_.assign(f + eta, f + eta + count);
-    forces_[0].resize(count);
-    for (std::size_t k = 0; k < count; ++k) {
-      forces_[0][k] = u[eta + k] + N_ * d2_[k];
-      f[eta + k] = 0;
-    }
-    driving = forces_[0].data();
-  }
+  if (N_ > 0) d2_.resize(2 * count);
   for (PetscInt k = nodes.begin, end; k < nodes.end; k = end) {  // of a ring they go on at its beginning
     const PetscInt i = node(c, k), at = k - nodes.begin;
     end = std::min(nodes.end, k + scene_.n - i);
     if (!links_.empty()) stencil_(coefficients, {u + psi + at, f + eta + at, end - k, i});
-    pointwise_(coefficients,
-               {u + psi + at, driving + at, dof_ == 3 ? u + state + at : nullptr,
-                c.amplitude.empty() ? nullptr : &c.amplitude[k], f + eta + at, f + psi + at, f + eta + at,
-                dof_ == 3 ? f + state + at : nullptr, end - k, &c.direction[k], i});
+    const kernel::Columns columns{u + psi + at, u + eta + at, dof_ == 3 ? u + state + at : nullptr,
+                                  c.amplitude.empty() ? nullptr : &c.amplitude[k], f + eta + at,
+                                  f + psi + at, f + eta + at, dof_ == 3 ? f + state + at : nullptr, end - k,
+                                  &c.direction[k], i};
+    if (N_ > 0)
+      ViscousTerms{N_, K1_}(pointwise_, coefficients, columns, f + eta + at, d2_.data(), &d2_[count]);
+    else
+      pointwise_(coefficients, columns);
   }
-  for (std::size_t k = 0; k < count && N_ > 0; ++k) f[eta + k] += K1_ * d2_[k];
   for (const PetscInt i : {PetscInt(0), scene_.n - 1}) {
     const PetscInt at = i - c.first - nodes.begin;
     if (!scene_.held(i) || at < 0 || at >= PetscInt(count)) continue;
-    f[psi + std::size_t(at)] = 0;
-    if (scene_.form == Form::continuum) f[eta + std::size_t(at)] = 0;
+    hold(scene_, f[psi + std::size_t(at)], f[eta + std::size_t(at)]);
   }
 }
 

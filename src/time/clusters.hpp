@@ -255,7 +255,7 @@ class ClusterSteps {
   SlopeSums add_;
   stick_rule::Candidates candidates_;
   std::array<std::vector<double>, 4> forces_;  // with viscosity: eta + N D2 psi
-  std::vector<double> d2_;
+  std::vector<double> d2_;                     // and what drives nodes
 };
 
 class Clusters : public MediumNow {

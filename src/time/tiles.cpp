@@ -397,25 +397,24 @@ kernel::Coefficients TiledStep::at_stage(const Step& step, const Stage& stage) c
 
 void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c,
                               PetscInt begin, PetscInt end) const {
-  const bool has_state = tiles_.dof() == 3, resists = viscous();
-  const double* eta = at(t, index, 1, begin);
-  double *const d2 = resists ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
-  if (resists) {  // in the order of model/right_hand_side.cpp, so that it is the same to the last bit
-    double* const driving = at(t, driving_, 1, begin);
-#pragma GCC ivdep
-    for (PetscInt i = 0; i < end - begin; ++i) {
-      d2[i] = f_eta[i];
-      driving[i] = eta[i] + N_ * d2[i];
-      f_eta[i] = 0;
-    }
-    eta = driving;
-  }
-  pointwise_(
-      c, {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr, tiles_.amplitude(begin),
-          f_eta, at(t, slope, 0, begin), at(t, slope, 1, begin), has_state ? at(t, slope, 2, begin) : nullptr,
-          end - begin, tiles_.direction(begin), tiles_.number(begin)});
-  for (PetscInt i = 0; i < end - begin && resists; ++i) f_eta[i] += K1_ * d2[i];
-  tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
+  const bool has_state = tiles_.dof() == 3;
+  double* const f_eta = at(t, slope, 1, begin);
+  const kernel::Columns columns{at(t, index, 0, begin),
+                                at(t, index, 1, begin),
+                                has_state ? at(t, index, 2, begin) : nullptr,
+                                tiles_.amplitude(begin),
+                                f_eta,
+                                at(t, slope, 0, begin),
+                                f_eta,
+                                has_state ? at(t, slope, 2, begin) : nullptr,
+                                end - begin,
+                                tiles_.direction(begin),
+                                tiles_.number(begin)};
+  if (viscous())
+    ViscousTerms{N_, K1_}(pointwise_, c, columns, f_eta, at(t, driving_, 0, begin), at(t, driving_, 1, begin));
+  else
+    pointwise_(c, columns);
+  hold(t, slope, begin, end);
 }
 
 void TiledStep::follow_force(const Tile& t, double dt) const {
@@ -428,9 +427,10 @@ void TiledStep::follow_force(const Tile& t, double dt) const {
   tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, 0, 0, node) = 0; });
 }
 
-void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {
-  *at(t, slope, 0, node) = 0;
-  if (is_continuum()) *at(t, slope, 1, node) = 0;
+void TiledStep::hold(const Tile& t, int slope, PetscInt begin, PetscInt end) const {
+  tiles_.for_held(begin, end, [&](PetscInt node) {
+    stickslip::hold(tiles_.model().scene(), *at(t, slope, 0, node), *at(t, slope, 1, node));
+  });
 }
 
 // K1 D2 psi, or D2 psi where neighbours have viscosity, in the eta of columns `slope` becomes f.
@@ -444,9 +444,8 @@ void TiledStep::finish_explicit(const Tile& t, int slope, PetscInt begin, PetscI
       psi[j] = c.A * viscous;
       eta[j] = K1_ * d2 - c.s_delta * viscous;
     }
-    tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 0, node) = 0; });
   }
-  if (is_continuum()) tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 1, node) = 0; });
+  hold(t, slope, begin, end);
 }
 
 PointwiseSolve::PointwiseSolve(const Tiles& tiles, bool sticking)
@@ -463,11 +462,8 @@ long PointwiseSolve::operator()(const Tile& t, const Where& where, const Asked& 
   tiles_.for_held(begin, end, [&](PetscInt node) {
     at(1, 0, node) = at(0, 0, node);
     unsolved += solve(t, where, asked, node, node + 1, true);
-    at(where.slope, 0, node) = 0;
-    if (tiles_.model().scene().form == Form::continuum) {  // eta is output there
-      at(where.slope, 1, node) = 0;
-      at(1, 1, node) = at(0, 1, node);
-    }
+    hold(tiles_.model().scene(), at(where.slope, 0, node), at(where.slope, 1, node));
+    if (tiles_.model().scene().form == Form::continuum) at(1, 1, node) = at(0, 1, node);
     (node == begin ? first : last) = node == begin ? node + 1 : node;
   });
   return unsolved + (first < last ? solve(t, where, asked, first, last, false) : 0);

@@ -349,15 +349,13 @@ class TiledStep : public StepTaker {
   void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
   void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
                      PetscInt end) const;
+  void hold(const Tile& t, int slope, PetscInt begin, PetscInt end) const;  // the rates of held nodes
   void finish_explicit(const Tile& t, int slope, PetscInt begin, PetscInt end) const;
   // What the errors in columns 0 are by SlaveErrors.
   void follow_force(const Tile& t, double dt) const;
   // The coefficients at a stage, with the plate's velocity then.
   kernel::Coefficients at_stage(const Step& step, const Stage& stage) const;
-  // psi of a held node stands, and in the continuum eta, which is output, does too.
-  void hold(const Tile& t, int slope, PetscInt node) const;
   bool viscous() const { return N_ > 0; }
-  bool is_continuum() const { return tiles_.model().scene().form == Form::continuum; }
   // Whether unknown d (0 psi, 1 eta, 2 the state) has an explicit part.
   bool has_explicit(int d) const { return !additive_ || d == 1 || (d == 0 && viscous()); }
   static bool takes(const Stage& stage, bool all) { return stage.f >= 0 && (all || stage.used); }
