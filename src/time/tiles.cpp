@@ -411,7 +411,8 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
                                 tiles_.direction(begin),
                                 tiles_.number(begin)};
   if (viscous())
-    ViscousTerms{N_, K1_}(pointwise_, c, columns, f_eta, at(t, driving_, 0, begin), at(t, driving_, 1, begin));
+    ViscousTerms{N_, K1_}(pointwise_, c, columns, f_eta, at(t, driving_, 0, begin),
+                          at(t, driving_, 1, begin));
   else
     pointwise_(c, columns);
   hold(t, slope, begin, end);
