@@ -4,7 +4,7 @@
 // Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
 // ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
 //
-// The unknowns of a node are those of Model, psi, eta and the state; without mass (model/right_hand_side.hpp) eta
+// The unknowns of a node are those of Model, psi, eta and the state; without mass eta
 // and the state, from which psi follows. That takes friction that rises with psi at every state (a direct
 // effect), so that there is one psi.
 //

@@ -67,7 +67,7 @@ class Model {
   void pass_corner(Vec u, double t) const;
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space. Of a
-  // massless chain (model/right_hand_side.hpp) Part::full alone: eta and the state have rates, psi has the rate
+  // massless chain (MasslessChain) Part::full alone: eta and the state have rates, psi has the rate
   // 0 and follows from them, from psi in u as a first guess; not a number where it would jump.
   void rhs(Part part, Vec u, Vec f) const;
   // Puts into u the psi that its eta and state say in a massless chain; else does nothing. Not collective.

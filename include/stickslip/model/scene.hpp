@@ -8,7 +8,7 @@
 // continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0
 // = k0/f0, K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
 // nu is the viscosity between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless
-// chain (m = 0) the first equation is B psi + F(psi, state) = eta (model/right_hand_side.hpp). The drag c3 psi
+// chain (m = 0) the first equation is B psi + F(psi, state) = eta. The drag c3 psi
 // |psi| stands beside F wherever F does, also where only F is written (node_terms.hpp). With unequal
 // blocks or layers (medium.hpp) A, B, K0 and s delta are those of the node, and K1 D2 psi has a K1 of its own
 // between any two neighbours.

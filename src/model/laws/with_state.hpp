@@ -1,5 +1,5 @@
-// The state laws, but those that belong to one law (laws/of_velocity.hpp), and the laws that are no product of
-// a function of velocity and one of the state.
+// The state laws, but those that belong to one law (laws/of_velocity.hpp), and the laws that are no product
+// of a function of velocity and one of the state.
 #pragma once
 
 #include "model/law.hpp"
