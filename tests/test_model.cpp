@@ -403,9 +403,9 @@ TEST_CASE("numbers of any nodes come from the ranks that have them", "[model]") 
       std::vector<double> own;
       for (PetscInt i = 0; i < local * dof; ++i) own.push_back(factor * double(first * dof + i));
       fetch.take(own.data());
-      for (std::size_t i = 0; i < nodes.size(); ++i)
-        for (int d = 0; d < kept; ++d)
-          CHECK(fetch.values()[i * std::size_t(kept) + std::size_t(d)] == factor * double(nodes[i] * dof + d));
+      const double* value = fetch.values();
+      for (const PetscInt node : nodes)
+        for (int d = 0; d < kept; ++d) CHECK(*value++ == factor * double(node * dof + d));
     }
   }
 }
