@@ -3,9 +3,8 @@
 #include <cmath>
 
 #include "catch.hpp"
-#include "study/pilot.hpp"
-#include "study/ladder.hpp"
 #include "stickslip/base/error.hpp"
+#include "study/ladder.hpp"
 
 using namespace stickslip;
 

@@ -5,7 +5,7 @@
 #include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/stability/boundary.hpp"
-#include "stickslip/study/vary.hpp"
+#include "stickslip/study/verify.hpp"
 
 using namespace stickslip;
 

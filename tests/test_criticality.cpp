@@ -6,7 +6,7 @@
 #include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/stability/boundary.hpp"
-#include "stickslip/study/vary.hpp"
+#include "stickslip/study/verify.hpp"
 
 using namespace stickslip;
 

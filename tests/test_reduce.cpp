@@ -5,10 +5,10 @@
 #include "catch.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
-#include "stickslip/stability/steady_sliding.hpp"
-#include "stickslip/study/nearest_sliding.hpp"
-#include "stickslip/study/reduce.hpp"
 #include "stickslip/model/stencil.hpp"
+#include "stickslip/stability/steady_sliding.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 

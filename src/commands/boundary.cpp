@@ -18,7 +18,6 @@
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/medium_lines.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
-#include "stickslip/study/vary.hpp"
 #include "stickslip/study/verify.hpp"
 #include "study/forced_boundary.hpp"
 

@@ -10,7 +10,7 @@
 #include "output/carried_frame.hpp"
 #include "output/series.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/study/nearest_sliding.hpp"
+#include "stickslip/study/step_audit.hpp"
 
 namespace stickslip {
 

@@ -27,7 +27,7 @@
 #include "stickslip/study/trial.hpp"
 #include "stickslip/time/time.hpp"
 #include "study/lyapunov.hpp"
-#include "study/simulate_clusters.hpp"
+#include "study/simulate.hpp"
 
 namespace stickslip {
 

@@ -8,7 +8,6 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "study/ladder.hpp"
-#include "study/smoothness.hpp"
 
 namespace stickslip {
 

@@ -13,7 +13,7 @@
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/time/methods.hpp"
-#include "study/smoothness.hpp"
+#include "study/ladder.hpp"
 #include "study/work_precision.hpp"
 
 namespace stickslip {

@@ -1,16 +1,139 @@
-// The bricks of -accuracy (accuracy.hpp): what is asked and left open, and the short runs that prepare a run.
+// The bricks of -accuracy (accuracy.hpp): what it is wanted of, what lies in its way, and the short runs that
+// prepare a run.
 #pragma once
 
+#include <algorithm>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/options/options.hpp"
+#include "stickslip/output/measure.hpp"
+#include "stickslip/study/start.hpp"
 #include "stickslip/study/trial.hpp"
-#include "study/jump.hpp"
-#include "study/pilot.hpp"
-#include "study/quantity.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
+
+// What friction that is made of pieces costs methods of high order: with k continuous derivatives of friction
+// the rates have k, and where a motion passes from piece to piece the error of one step in time is of order
+// k + 2, that of differences along x integrates to the same. So passages, whose number does not grow with
+// that of the steps, leave order k + 2.
+inline void warn_of_pieces(const Scene& scene) {
+  const FrictionParameters& friction = scene.friction;
+  if (friction.piecewise())
+    warn("friction_law " + to_string(friction.law) + ": its slope has corners, at which every method of a " +
+         "higher order is of order " + std::to_string(friction.law->continuous_derivatives + 2) +
+         ", in time and along x");
+}
+
+// What -accuracy is wanted of (-accuracy_of).
+struct Quantity {
+  enum class Kind { fields, probe, speed, period, amplitude };
+  Kind kind = Kind::fields;
+  double x = 0;  // of the probe
+
+  // Throws UsageError where it is none of these.
+  static Quantity from(const Options& options);
+
+  // Numbers, of which errors may pass through zero from one level of a ladder to the next; not the largest
+  // over a field.
+  bool is_number() const { return kind != Kind::fields; }
+  // Seen on the way, not read from the end.
+  bool is_measured() const { return kind != Kind::fields && kind != Kind::probe; }
+  // Where fields are interpolated at the end.
+  std::vector<double> places(const Options& options) const;
+  // Makes what measures it; nullptr where it is read from the end.
+  MeasureMaker measure(const Options& options) const;
+  std::string name() const;  // for messages
+};
+
+// Data of the continuum that do not fit a held end: psi jumps there at t = 0, and the exact solution carries
+// the jump inwards at the speed c, along x = c t (from the right end, x = L - c t), and never smears it (nu =
+// 0).
+//
+// With J = psi behind less psi ahead, on the characteristic  dJ/dt = -(A a [F(psi + J) - F(psi)] + s delta
+// J)/2,  psi, a and the state ahead of it: the waves that cross it are continuous, and so is the state, whose
+// rate is bounded. What is ahead no signal from the end has reached: it is the same scene with a free end
+// there.
+//
+// Finite differences of order p converge behind it, in psi, like h^(p/(p+1)) where friction damps the short
+// waves that they shed there, like h^(1/2) where it does not; eta, which carries a mass along it, not at all.
+class Jump {
+ public:
+  // Where one end has such data, and one alone.
+  static std::optional<Jump> of(const Scene& scene, const Start& start);
+
+  // Where it is; it goes to and fro between the ends.
+  double x(double t) const;
+  // The part of the scene about it in which differences on a grid follow nothing: ahead of it six times h (c
+  // t/h)^(1/(p+1)), beyond which less than 1e-6 of it is left; behind it a twentieth of the scene, or a
+  // quarter of the way that it has gone where that is less.
+  struct Extent {
+    double from, to;
+    bool covers(double place) const { return place > from && place < to; }
+  };
+  Extent extent(const Scene& grid, double t) const;
+  // The fewest cells on which it reaches no farther ahead than behind.
+  double least_cells(int order, double t) const;
+  // By how much psi behind exceeds psi ahead at ts_max_time; empty once it has met the other end, or where
+  // friction differs along x by more than its amplitude. Costs a run on the setting's grid. Collective.
+  std::optional<double> height(const Options& options, const Setting& setting) const;
+
+ private:
+  Jump(const Scene& scene, bool from_left, double height)
+      : scene_(scene), from_left_(from_left), start_(height) {}
+  double ahead(const Scene& grid, double t) const;
+  double behind(double t) const { return std::min(scene_.length / 20, scene_.c * t / 4); }
+
+  Scene scene_;
+  bool from_left_;
+  double start_;
+};
+
+// Runs of a scene by an explicit Runge-Kutta pair on one rank, for `-accuracy`: those that prepare a run are
+// so short that PETSc's grid and TS cost more than the steps do. Steps are those of PETSc's rk with its own
+// error control, and end at the corners of a load as a run's do (a test compares them); every rank does the
+// same.
+class Pilot {
+ public:
+  // The start is found once. Throws what Start does. Collective where that is.
+  Pilot(const Options& options, const Scene& scene);
+
+  // Whether a setting is run here: a pair of type rk with an error estimate, friction that does not stick
+  // exactly.
+  static bool suits(const Scene& scene, const MethodSpec& method);
+  Trial run(const Setting& setting, double limit) const;
+
+  // The longest step, ts_adapt_dt_max: as the user set it; for rk:7vr, which is stable for all decaying modes
+  // of |lambda| dt < 4.5, just below that of the shortest wave. Steps left to the error estimate alone go
+  // beyond it, are rejected, and leave noise in the shortest waves (docs/chart.md). 0: none.
+  double longest_step(const Setting& setting) const;
+
+  // The scene at its start on a grid.
+  struct AtStart {
+    Model model;
+    Rates rates;
+  };
+  AtStart at_start(int order, PetscInt n) const;
+  // The method of a run of this tolerance that names none, as Integrator chooses it; where that is explicit,
+  // rk:7vr.
+  MethodSpec automatic(const AtStart& start, double tolerance) const;
+  double t_end() const { return t_end_; }
+  const Start& start() const { return start_; }
+
+ private:
+  Model model(int order, PetscInt n) const;
+
+  const Options& options_;
+  Scene scene_;
+  Start start_;
+  double t_end_;
+  bool reduces_;
+};
+
 
 // The accuracy cannot be had: why. Within -accuracy alone.
 struct OutOfReach {

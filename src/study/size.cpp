@@ -17,7 +17,7 @@
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
-#include "study/simulate_clusters.hpp"
+#include "study/simulate.hpp"
 #include "time/band.hpp"
 #include "time/integrator_impl.hpp"
 #include "time/methods.hpp"

@@ -11,7 +11,6 @@
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/output/regime.hpp"
-#include "stickslip/study/vary.hpp"
 #include "study/simulate.hpp"
 #include "time/tiles.hpp"
 
@@ -242,6 +241,22 @@ std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Op
     }
   }
   return result;
+}
+
+Options options_with(const Options& options, const std::vector<Axis>& axes, double value, double value2) {
+  Options o = options;
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    const double here = k == 0 ? value : value2;
+    o = o.with(axes[k].name, here);
+    for (const std::string& name : axes[k].same) o = o.with(name, here);
+  }
+  return o;
+}
+
+SceneAt scene_of(const Options& options, const std::vector<Axis>& axes) {
+  return [options, axes](double value, double value2) {
+    return Scene::from(options_with(options, axes, value, value2), true);
+  };
 }
 
 }  // namespace stickslip

@@ -3,9 +3,9 @@
 // The error is the largest |difference| of psi and eta from the solution of the differential equation (of the
 // chain's equations) at ts_max_time, over nodes and probes; with accuracy_of that of a number: of psi and eta
 // at one place, of the wave speed, the period or the amplitude (src/output/measures.hpp). Where data that do
-// not fit a held end make psi jump (src/study/jump.hpp), it is that of psi beside the jump. It is found on a
-// ladder of runs, each some thirty times as accurate as the one before: the distance of two neighbours is the
-// error of the coarser, and falls at a rate that is measured.
+// not fit a held end make psi jump (src/study/ladder.hpp), it is that of psi beside the jump. It is found on
+// a ladder of runs, each some thirty times as accurate as the one before: the distance of two neighbours is
+// the error of the coarser, and falls at a rate that is measured.
 //   - with a grid to refine: grids a factor of 1.3 to 2 apart, at one tolerance whose errors are small beside
 //     theirs; one more run at a looser tolerance, on the grid before the last, tells what a tolerance costs;
 //   - without one (the chain, uniform motion): tolerances alone, until a level is stricter than the run must
@@ -23,7 +23,7 @@
 // from level to level than the scheme's order lets it.
 //
 // Explicit methods take rk:7vr, whose stages are the cheapest at every accuracy (docs/chart.md), and their
-// levels are run without PETSc's TS on every rank alike (src/study/pilot.hpp), unless something is measured
+// levels are run without PETSc's TS on every rank alike (src/study/ladder.hpp), unless something is measured
 // on the way. Where friction or waves are so fast that a run that names no method would take them implicitly
 // (time/methods.hpp), that method is tried first, and stays while an explicit run, bound by its stability,
 // would take longer.

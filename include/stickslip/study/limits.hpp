@@ -12,7 +12,7 @@
 //             start from sliding with noise of 1e-8 and take 160 steps.
 // Beside them stand, from the spectrum of the linearised operator and the method's own propagator
 // (step_forecast.hpp), shortest_theory, damps_theory, and as the counterpart of `limit` theory: waves on a
-// motion whose friction stays at its steepest. What lies beyond `limit` and `followed` is told in `how` and
+// motion whose friction stays at its steepest. What happens beyond `limit` and `followed` stands in `how` and
 // `wrong`, and whether the program said so in `warned`: a run that fails without exit code 1 or a warning is
 // in `silent`, and the chart itself warns of it.
 #pragma once

@@ -9,6 +9,7 @@
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/stability/boundary.hpp"
+#include "stickslip/stability/growth_rate.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 
 namespace stickslip {
@@ -38,5 +39,14 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options
 std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Options& options,
                                  const std::vector<Crossing>& points, PetscInt count,
                                  const std::function<void(std::size_t, std::size_t)>& before_each = {});
+
+// Options varied along axes: what an analysis of scenes with one or two parameters is given. Not collective.
+
+// The options with those of the axes, and those that go with them, at these values; what depends on them
+// follows. Throws UsageError where a value is out of an option's range.
+Options options_with(const Options& options, const std::vector<Axis>& axes, double value, double value2 = 0);
+
+// The scene of these, on its sliding branch (Scene::from). The callback owns a copy of both.
+SceneAt scene_of(const Options& options, const std::vector<Axis>& axes);
 
 }  // namespace stickslip
