@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/found_until.hpp"
 #include "commands/boundary_output.hpp"
 #include "commands/cycle_problem.hpp"
 #include "commands/table.hpp"
+#include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/medium_lines.hpp"
@@ -29,20 +28,9 @@ namespace {
 Axis axis_from(const Options& options, const std::string& suffix) {
   const std::string parameter = "boundary_parameter" + suffix;
   Axis axis;
-  axis.name = lower_case(options.text(parameter));
-  const OptionSpec* spec = find_option(axis.name);
-  if (!spec) {
-    std::vector<std::string> names;
-    for (const OptionSpec& s : option_table())
-      if (s.type == OptionType::real || s.type == OptionType::real_or_word) names.push_back(s.name);
-    const std::string near = nearest_name(axis.name, names);
-    throw UsageError("-" + parameter + " " + stickslip::quoted(axis.name) + ": no such option" +
-                     (near.empty() ? "; give a real one, such as model_v" : "; did you mean " + near + "?"));
-  }
-  axis.name = spec->name;
-  if (spec->type != OptionType::real && spec->type != OptionType::real_or_word)
-    throw UsageError("-" + parameter + " " + axis.name + ": takes " + requirement(*spec) +
-                     "; the boundary is sought in a real option, such as model_v");
+  axis.name = real_option("-" + parameter, options.text(parameter),
+                          "the boundary is sought in a real option, such as model_v")
+                  .name;
   for (const char* end : {"boundary_from", "boundary_to"})
     if (!options.is_set(end + suffix))
       throw UsageError("-" + std::string(end) + suffix + " is needed: the range of " + axis.name);
@@ -61,13 +49,8 @@ std::vector<Axis> axes_from(const Options& options) {
   if (!options.is_set("boundary_parameter"))
     throw UsageError("-boundary_parameter is needed: a real option to vary, such as model_v");
   std::vector<Axis> axes{axis_from(options, "")};
-  for (const std::string& name : options.words("boundary_same")) {
-    const OptionSpec* spec = find_option(name);
-    if (!spec || (spec->type != OptionType::real && spec->type != OptionType::real_or_word))
-      throw UsageError("-boundary_same " + stickslip::quoted(name) +
-                       ": no such real option; give e.g. model_k0");
-    axes[0].same.push_back(spec->name);
-  }
+  for (const std::string& name : options.words("boundary_same"))
+    axes[0].same.push_back(real_option("-boundary_same", name, "what goes along is a real option too").name);
   if (options.is_set("boundary_parameter2")) {
     axes.push_back(axis_from(options, "2"));
     if (axes[0].name == axes[1].name)
@@ -259,11 +242,10 @@ std::string slide_along(ForcedBoundary& growth, const std::vector<Crossing>& poi
   return "along " + growth.axes()[0].name + " sliding under the load is" + text;
 }
 
-int find_forced(const Options& options, const GrowthRate& scenes, Summary& summary,
-                const Provenance& provenance) {
+void find_forced(CommandRun& run, const GrowthRate& scenes) {
+  const Options& options = run.options;
   const std::vector<Axis>& axes = scenes.axes();
   const bool two = axes.size() > 1;
-  const Pulse pulse(options.text("progress"), "boundary");
   Pulse::stage("end of sliding under the load");
   ForcedBoundary growth(scene_of(options, axes), axes);
   growth.watch([] { beat("slides"); });
@@ -272,7 +254,7 @@ int find_forced(const Options& options, const GrowthRate& scenes, Summary& summa
   found.axes = axes;
   const auto tell = [&] {
     found.evaluations = growth.evaluations();
-    set_keys(summary, boundary_keys(), found);
+    set_keys(run.summary, boundary_keys(), found);
   };
   keeping_what_is_found(
       [&] {
@@ -288,10 +270,9 @@ int find_forced(const Options& options, const GrowthRate& scenes, Summary& summa
                   (std::isnan(middle) ? "there is none, " + growth.why_not()
                                       : "its growth rate is " + number_text(middle)));
   }
-  write_file(options, scenes, found, provenance);
+  write_file(run, scenes, found);
   if (options.text("summary") != "-") print_points(axes, found.sliding);
-  if (!two) summary.say(slide_along(growth, found.sliding));
-  return 0;
+  if (!two) run.summary.say(slide_along(growth, found.sliding));
 }
 
 // What a search that a signal ended has found.
@@ -302,10 +283,10 @@ std::string count_text(const FoundBoundary& found) {
   return text;
 }
 
-int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance,
-                  const Asked& asked) {
+void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
+  const Options& options = run.options;
+  Summary& summary = run.summary;
   const bool two = growth.axes().size() > 1;
-  const Pulse pulse(options.text("progress"), "boundary");
   const std::vector<Axis>& axes = growth.axes();
   const std::unique_ptr<StickSlipEnd> found_end =
       StickSlipEnd::of(scene_of(options, axes), axes, cell_motion(options, axes));
@@ -358,16 +339,13 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
                         [&] { describe(summary, growth, found); });
   found.checked = options.integer("boundary_verify") > 0;
   set_keys(summary, boundary_keys(), found);
-  write_file(options, growth, found, provenance);
+  write_file(run, growth, found);
   if (options.text("summary") != "-") print_points(growth.axes(), points);
   describe(summary, growth, found);
-  return 0;
 }
 
 int boundary(const Options& options) {
-  const Provenance provenance = Provenance::of("boundary", options.all());
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, keys_of(boundary_keys()), options.text("summary"));
+  CommandRun run("boundary", options, keys_of(boundary_keys()));
   const std::vector<Axis> axes = axes_from(options);
   const auto varied = [&](const std::vector<Axis>& along) {
     return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along,
@@ -384,12 +362,14 @@ int boundary(const Options& options) {
   const bool forced = growth->scene(0.5, 0.5).forced();
   if (forced) check_forced(options, growth->scene(0.5, 0.5));
   const Asked asked = forced ? Asked{true, false} : asked_for(options, growth->scene(0.5, 0.5));
-  return with_summary(summary, [&] {
+  return run.search("", [&] {
     if (!foreign.empty())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
                     "): growth rate " + number_text((*growth)(0)) + " at both ends");
-    return forced ? find_forced(options, *growth, summary, provenance)
-                  : find_boundary(options, *growth, summary, provenance, asked);
+    if (forced)
+      find_forced(run, *growth);
+    else
+      find_boundary(run, *growth, asked);
   });
 }
 

@@ -294,10 +294,9 @@ void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::str
 
 }  // namespace
 
-void write_file(const Options& options, const GrowthRate& growth, const FoundBoundary& found,
-                const Provenance& provenance) {
-  ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
-  if (options.text("out_file").empty()) return;
+void write_file(const CommandRun& run, const GrowthRate& growth, const FoundBoundary& found) {
+  if (!run.has_file()) return;
+  ResultFile file = run.file();
   const std::vector<Axis>& axes = growth.axes();
   for (std::size_t k = 0; k < axes.size(); ++k) {
     const std::string suffix = k == 0 ? "" : "2";

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "commands/command_run.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/options.hpp"
@@ -37,8 +38,7 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points);
 
 // Collective; nothing is written without -out_file.
-void write_file(const Options& options, const GrowthRate& growth, const FoundBoundary& found,
-                const Provenance& provenance);
+void write_file(const CommandRun& run, const GrowthRate& growth, const FoundBoundary& found);
 std::vector<TableText> boundary_tables();  // of what the command writes
 
 }  // namespace stickslip

@@ -6,15 +6,12 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
-#include "base/pulse.hpp"
-#include "commands/continuation.hpp"
+#include "commands/command_run.hpp"
 #include "commands/cycle_problem.hpp"
 #include "commands/table.hpp"
-#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/displacement.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/study/run_layout.hpp"
 
 namespace stickslip {
@@ -268,19 +265,16 @@ std::vector<TableText> tables() {
 }
 
 int cycle(const Options& options) {
-  const Provenance provenance = Provenance::of("cycle", options.all());
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, keys_of(keys()), options.text("summary"));
+  CommandRun run("cycle", options, keys_of(keys()));
+  Summary& summary = run.summary;
   check_continuation(options, "cycle");
   const Scene cell = cell_of_options(options);
   check_cycle_options(options, cell);
-  return with_summary(summary, [&] {
-    const Pulse pulse(options.text("progress"), "cycle");
-    Pulse::stage("the cycle");
+  return run.search("the cycle", [&] {
     CycleResults answer{find_cycle(options, cell), {}, {}, options.text("cycle_continue")};
     const FoundCycle& found = answer.found;
     check_unused_after_setup(options);
-    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    ResultFile file = run.file();
     set_keys(summary, keys(), answer);
     add_cycle(file, cell, found);
     describe(summary, found);
@@ -299,11 +293,10 @@ int cycle(const Options& options) {
       set_keys(summary, keys(), answer);
       add_branch(file, answer.parameter, *answer.branch);
       describe(summary, answer.parameter, *answer.branch);
-      end_at_signal(file, provenance);
+      run.end_at_signal(file);
     }
     file.write();
     warn_unused_at_end(options);
-    return 0;
   });
 }
 

@@ -4,12 +4,10 @@
 
 #include <cmath>
 
-#include "base/found_until.hpp"
+#include "commands/command_run.hpp"
 #include "commands/table.hpp"
-#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/reader.hpp"
 #include "study/fit.hpp"
 
 namespace stickslip {
@@ -92,11 +90,9 @@ std::vector<TableText> tables() { return {keys(), parameter_table()}; }
 
 int fit(const Options& options) {
   const FitProblem problem = fit_problem(options);
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  const Provenance provenance = Provenance::of("fit", options.all());
-  Summary summary(provenance, keys_of(keys()), options.text("summary"));
-  return with_summary(summary, [&] {
-    const Pulse pulse(options.text("progress"), "fit");
+  CommandRun run("fit", options, keys_of(keys()));
+  Summary& summary = run.summary;
+  return run.search("", [&] {
     Fit fit;
     const auto tell = [&] { describe(summary, fit, problem.starts, unit_of(problem.of)); };
     keeping_what_is_found(
@@ -112,10 +108,9 @@ int fit(const Options& options) {
     set_keys(summary, keys(), fit);
     tell();
     warn_of(fit, problem.starts);
-    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    ResultFile file = run.file();
     add_fit(file, options, problem, fit);
     file.write();
-    return 0;
   });
 }
 

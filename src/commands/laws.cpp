@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "commands/command_run.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/model/scene.hpp"
@@ -117,11 +117,8 @@ int laws(const Options& options) {
     throw UsageError("-laws_from " + number_text(from) + ": it must be below laws_to, " + number_text(to));
   const PetscInt points = options.integer("laws_points");
   check_unused_after_setup(options);
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-
-  const Provenance provenance = Provenance::of("laws", options.all());
-  Summary summary(provenance, keys_of(keys()), options.text("summary"));
-  return with_summary(summary, [&] {
+  CommandRun run("laws", options, keys_of(keys()));
+  return run.carry_out([&] {
     LawResults results;
     // weighted ends: a range symmetric about 0 stays so to the last digit, and holds 0 where points is odd
     for (PetscInt i = 0; i < points; ++i)
@@ -132,8 +129,8 @@ int laws(const Options& options) {
       results.laws.push_back(tabulate(p, results.psi));
       names.push_back(to_string(p.law));
     }
-    set_keys(summary, keys(), results);
-    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    set_keys(run.summary, keys(), results);
+    ResultFile file = run.file();
     file.scale({"psi", "velocity", "sliding velocity"}, results.psi);
     for (const Tabulated& t : results.laws) {
       const std::string name = to_string(t.law);
@@ -142,9 +139,8 @@ int laws(const Options& options) {
     }
     add_rows(file, stick_table(), results.laws);
     file.write();
-    summary.say(fmt::format("F(psi) of {} at {} velocities from {} to {}", joined(names), points,
+    run.summary.say(fmt::format("F(psi) of {} at {} velocities from {} to {}", joined(names), points,
                             number_text(from), number_text(to)));
-    return 0;
   });
 }
 

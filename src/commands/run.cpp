@@ -7,6 +7,7 @@
 
 #include "base/json_values.hpp"
 #include "base/progress.hpp"
+#include "commands/command_run.hpp"
 #include "commands/quantities.hpp"
 #include "commands/run_session.hpp"
 #include "commands/table.hpp"
@@ -278,22 +279,21 @@ std::vector<TableText> tables() {
 
 int run(const Options& asked) {
   const Options options = effective_options(asked);
-  const Provenance provenance = Provenance::of("run", options.all());
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
     throw UsageError("accuracy_of " + options.text("accuracy_of") +
                      ": it says what -accuracy is wanted of, which is not set");
-  Summary summary(provenance, run_keys(), options.text("summary"));
-  return with_summary(summary, [&] {
+  CommandRun command("run", options, run_keys());
+  Summary& summary = command.summary;
+  return command.carry_out([&] {
     if (options.boolean("check")) {
       const bool chosen = options.is_set("accuracy") && !options.is_set("restart");
       const Options all = chosen ? AccuracyPlan(options, options.real("accuracy")).options() : options;
       insert_library_options(all);
-      return Run(all, provenance).check(summary);
+      return Run(all, command.provenance).check(summary);
     }
     const int code = options.is_set("accuracy") && !options.is_set("restart")
                          ? run_to_accuracy(options, summary)
-                         : Run(options, provenance).advance(summary);
+                         : Run(options, command.provenance).advance(summary);
     summary.say(motion_words(summary, Scene::from(options, false)));
     summary.say(work_words(summary));
     if (const std::string text = lyapunov_words(summary); !text.empty()) summary.say(text);

@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/pulse.hpp"
+#include "commands/command_run.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/stability/spectrum.hpp"
 #include "stickslip/stability/uniform_states.hpp"
 
@@ -138,9 +137,9 @@ Columns<SpectrumResults> keys() {
 // Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest
 // psi is 1.
 void write_file(const SteadySliding& steady, const LinearisedOperator& s, const Spectrum& spectrum,
-                const std::string& path, const Provenance& provenance) {
-  ResultFile file(PETSC_COMM_WORLD, path, provenance);
-  if (path.empty()) return;
+                const CommandRun& run) {
+  if (!run.has_file()) return;
+  ResultFile file = run.file();
   const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.fields();
   std::vector<double> x(n);
   for (std::size_t i = 0; i < n; ++i) x[i] = s.scene.x(PetscInt(i));
@@ -219,13 +218,10 @@ Spectrum resolved_spectrum(const LinearisedOperator& J, const Options& options) 
 std::vector<TableText> tables() { return {keys(), mode_table(), state_table()}; }
 
 int spectrum(const Options& options) {
-  const Provenance provenance = Provenance::of("spectrum", options.all());
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, keys_of(keys()), options.text("summary"));
+  CommandRun run("spectrum", options, keys_of(keys()));
+  Summary& summary = run.summary;
   const Scene scene = Scene::from(options, true);
-  return with_summary(summary, [&] {
-    const Pulse pulse(options.text("progress"), "spectrum");
-    Pulse::stage("steady sliding");
+  return run.search("steady sliding", [&] {
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
     SpectrumResults results{steady, J.size() * J.dof(), {}, {}};
@@ -238,7 +234,7 @@ int spectrum(const Options& options) {
     tell();
     if (has_uniform_states(scene)) results.states = states_at_start(scene, options, summary);
     tell();
-    write_file(steady, J, spectrum, options.text("out_file"), provenance);
+    write_file(steady, J, spectrum, run);
     if (!any_resolved(spectrum))
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     for (const std::string& remark : spectrum.remarks) warn(remark);
@@ -249,7 +245,6 @@ int spectrum(const Options& options) {
     summary.say("steady sliding is " + verdict(spectrum));
     summary.say(fmt::format("{} modes of {} by {}; {}", spectrum.modes.size(), results.unknowns,
                             spectrum.method, spectrum.completeness_check));
-    return 0;
   });
 }
 

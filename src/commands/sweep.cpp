@@ -7,13 +7,13 @@
 
 #include "base/broadcast.hpp"
 #include "base/shell_word.hpp"
+#include "commands/command_run.hpp"
 #include "commands/sweep_session.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/reader.hpp"
 
 namespace stickslip {
 
@@ -207,10 +207,10 @@ int sweep(const Options& asked) {
   const SweepPlan plan(sweep, base);
   const std::string path = sweep.text("out_file");
   check_scenes(plan, base);
-  const OutputLock lock = check_outputs(path, sweep.text("summary"));
   check_csv(path);
-  Summary summary(Provenance::of("sweep", sweep.all()), keys_of(keys()), sweep.text("summary"));
-  return with_summary(summary, [&] {
+  CommandRun run("sweep", sweep, keys_of(keys()));
+  Summary& summary = run.summary;
+  return run.carry_out([&] {
     if (header && header->complete) {
       warn("restart '" + path + "': this sweep is whole; nothing is left to do");
       on_root(MPI_COMM_WORLD, [&path] { remove_journals(path); });  // it may have been killed before it did

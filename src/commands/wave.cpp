@@ -4,13 +4,11 @@
 
 #include <cmath>
 
-#include "base/found_until.hpp"
-#include "commands/continuation.hpp"
+#include "commands/command_run.hpp"
 #include "commands/table.hpp"
 #include "commands/wave_options.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/study/run_layout.hpp"
 
 namespace stickslip {
@@ -317,16 +315,13 @@ std::vector<TableText> tables() {
 }
 
 int wave(const Options& options) {
-  const Provenance provenance = Provenance::of("wave", options.all());
-  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, keys_of(keys()), options.text("summary"));
+  CommandRun run("wave", options, keys_of(keys()));
+  Summary& summary = run.summary;
   const TrainRequest request = train_request(options);
   check_branch(options);
   const Scene scene = Scene::from(options, true);
   check_train_scene(scene);
-  return with_summary(summary, [&] {
-    const Pulse pulse(options.text("progress"), "wave");
-    Pulse::stage("the train");
+  return run.search("the train", [&] {
     WaveResults results{scene,
                         request.pulses,
                         {},
@@ -342,7 +337,7 @@ int wave(const Options& options) {
     results.train = solve_train(scene, request);
     check_unused_after_setup(options);
     tell();
-    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    ResultFile file = run.file();
     add_train(file, scene, *results.train);
     describe(summary, *results.train);
     if (options.boolean("wave_spectrum")) {
@@ -360,7 +355,7 @@ int wave(const Options& options) {
       Branch branch;
       keeping_what_is_found([&] { branch = find_branch(options, results); }, tell_branch);
       tell_branch();
-      end_at_signal(file, provenance);
+      run.end_at_signal(file);
       Pulse::stage("ends of trains and changes of their stability");
       find_limits(options, branch, results);
       tell();
@@ -368,7 +363,6 @@ int wave(const Options& options) {
     }
     file.write();
     warn_unused_at_end(options);
-    return 0;
   });
 }
 

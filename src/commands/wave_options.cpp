@@ -1,6 +1,6 @@
 #include "commands/wave_options.hpp"
 
-#include "commands/continuation.hpp"
+#include "commands/command_run.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {

@@ -225,6 +225,21 @@ std::string requirement(const OptionSpec& spec) {
   return "";
 }
 
+const OptionSpec& real_option(const std::string& by, const std::string& name, const std::string& why) {
+  const auto is_real = [](const OptionSpec& o) {
+    return o.type == OptionType::real || o.type == OptionType::real_or_word;
+  };
+  const OptionSpec* spec = find_option(name);
+  if (spec && is_real(*spec)) return *spec;
+  if (spec) throw usage_error("{} {}: takes {}; {}", by, spec->name, requirement(*spec), why);
+  std::vector<std::string> names;
+  for (const OptionSpec& o : option_table())
+    if (is_real(o)) names.push_back(o.name);
+  const std::string near = suggestion(lower_case(name), names);
+  throw usage_error("{} {}: no such option{}", by, quoted(name),
+                    near.empty() ? "; give a real one, such as model_v" : near);
+}
+
 std::string in_place(const std::string& where) { return where.empty() ? "" : " (" + where + ")"; }
 
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where) {

@@ -36,6 +36,9 @@ std::string name_by_meaning(const std::string& word);
 std::optional<Pairs> parse_pairs(const std::string& text);
 std::string pairs_text(const Pairs& pairs);
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text);
+// The real option of this name, in any case of letters, which the option `by` names. Throws UsageError: there
+// is none (and which is the nearest), or it is not real; `why` it must be.
+const OptionSpec& real_option(const std::string& by, const std::string& name, const std::string& why);
 // " (scene.yaml:3)", for messages; "" for the command line.
 std::string in_place(const std::string& where);
 
