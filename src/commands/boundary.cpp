@@ -326,7 +326,8 @@ void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty()) {
     const std::string what =
-        !found.cell && end.lives_nowhere()
+        !end.unfinished().empty() ? end.unfinished()
+        : !found.cell && end.lives_nowhere()
             ? "uniform motion sticks and slips nowhere between the bounds of the axes: in their middle it " +
                   end.fate(0.5, 0.5)
             : std::string(found.cell ? "the cell's" : "uniform") +

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "base/local_values.hpp"
+#include "base/budget.hpp"
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/settle.hpp"
@@ -29,6 +30,7 @@ using std::size_t;
 
 constexpr double tolerance_of_run = 1e-8;
 constexpr double most_turns = 1000, most_loads = 20;  // without a passage of the section
+constexpr double evaluations_of_step = 7;  // of a run, about
 constexpr double most_steps = 2e6;     // of a motion of few unknowns, over 1 + unknowns/30 of one of many
 constexpr double most_memory = 5e8;    // bytes of the samples that are kept, those of the last twelve turns
 constexpr double near_enough = 1e-3;   // see SettleLimits
@@ -81,6 +83,7 @@ class Motion {
   void follow(const Takes& takes) {
     const auto observer = [&](const Integrator::Step& step) {
       beat("steps");
+      work(evaluations_of_step * double(field_.nodes()));
       t_ = step.t;
       Sample now{t_, unknowns(step.u), std::vector<double>(size_t(field_.dim()))};
       for (size_t k = 0; k < field_.nodes() && std::isfinite(escape_); ++k)

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/budget.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
@@ -20,6 +21,7 @@ constexpr double most_work = 1e6;     // between two changes, as steps of one no
 constexpr double least_steps = 5000;  // that are allowed for all that
 constexpr double round_off = 4e-16;   // relative, of a sum
 constexpr double of_step = 1e-14;     // the same, of a step and its 36 evaluations
+constexpr double evaluations_of_step = 36;
 constexpr double longest_step =
     1.2;  // in units of one over the highest frequency: no change comes and goes twice within it
 
@@ -135,6 +137,7 @@ double StickMotion::growth(const PossibleChange& c, const double* u, const doubl
 // `into` becomes u after h, with `count` deviations behind it.
 double StickMotion::step_from(const StickState& p, const double* f0, double h, std::size_t count,
                               double* into) const {
+  work(evaluations_of_step * double(nodes_) * (1 + double(count)));
   const auto f = [&](const double* y, double* g) { derivative(p, y, count, g); };
   if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, scales_.data(), into);
   std::vector<double> y(p.u), g0((count + 1) * size());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/budget.hpp"
 #include "base/pulse.hpp"
 #include "numerics/beside.hpp"
 #include "numerics/condensed_period.hpp"
@@ -117,6 +118,7 @@ void PeriodicEquations::set_lambda(double lambda) {
 PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x, bool zero_right) {
   set_lambda(lambda(x));
   const int d = d_, p = parameters(), s = stages;
+  work(double(n_) * d * (10 + d * (field_->band() + 1)));
   const size_t b = block();
   const SharedField field = at_number(field_, q(x));
   const VectorField::Period period = field->period(q(x));

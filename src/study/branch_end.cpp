@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/budget.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
@@ -206,14 +207,13 @@ std::optional<EndPlace> BranchEnd::end_between(PlanePoint alive, PlanePoint dead
   return branch.end;
 }
 
-std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b,
-                                                 std::vector<std::string>& notes) {
+void BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<EndPlace>& found,
+                                std::vector<std::string>& notes) {
   std::vector<double> f;
   for (int k = 0; k <= samples_of_line; ++k) {
     const PlanePoint at = between(a, b, double(k) / samples_of_line);
     f.push_back((*this)(at.x, at.y));
   }
-  std::vector<EndPlace> found;
   for (int k = 0; k < samples_of_line; ++k) {
     const std::size_t low = std::size_t(k), high = low + 1;
     if (!(f[low] * f[high] < 0)) continue;
@@ -229,20 +229,19 @@ std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b,
   }
   samples_ = f;
   sort_from(a, found);
-  return found;
 }
 
 // Each branch from a sample that no branch before has passed.
-std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::vector<std::string>& notes) {
-  std::vector<EndPlace> found;
+void BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::vector<EndPlace>& found,
+                             std::vector<std::string>& notes) {
   std::vector<std::pair<double, double>> passed;
   std::vector<std::string> without;  // a cycle that attracts
   const double range = distance(a, b);
-  for (int k = 0; k <= places_of_cell; ++k) {
+  const auto look = [&](int k) {
     const double part = double(k) / places_of_cell;
     if (std::any_of(passed.begin(), passed.end(),
                     [&](const auto& p) { return part >= p.first && part <= p.second; }))
-      continue;
+      return;
     const PlanePoint at = between(a, b, part);
     std::pair<double, double> reach{part, part};
     for (const bool forward : {false, true}) {
@@ -260,7 +259,10 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
         notes.push_back("from " + place_text(at.x, at.y) + ": " + branch.why);
     }
     passed.push_back(reach);
-  }
+  };
+  within_budget(notes, [&] {
+    for (int k = 0; k <= places_of_cell; ++k) look(k);
+  });
   if (without.size() > 1)
     without[0] +=
         fmt::format(" (no cycle that attracts there, nor at {} more of the {} places between {} and {})",
@@ -271,7 +273,6 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
     return p.kind == q.kind && distance(p.at, q.at) < 1e-8;
   };
   found.erase(std::unique(found.begin(), found.end(), same), found.end());
-  return found;
 }
 
 Crossing BranchEnd::crossing(const EndPlace& place, int piece) const {
@@ -286,11 +287,29 @@ Crossing BranchEnd::crossing(const EndPlace& place, int piece) const {
 }
 
 std::vector<Crossing> BranchEnd::points(std::vector<std::string>& notes) {
-  std::vector<Crossing> found;
+  std::vector<EndPlace> ends;
   const PlanePoint a{0, 0}, b{1, 0};
-  for (const EndPlace& place : uniform() ? ends_of_uniform(a, b, notes) : ends_of_cell(a, b, notes))
-    found.push_back(crossing(place, 0));
+  const Budget budget(most_work_);
+  if (uniform())
+    within_budget(notes, [&] { ends_of_uniform(a, b, ends, notes); });
+  else
+    ends_of_cell(a, b, ends, notes);
+  std::vector<Crossing> found;
+  for (const EndPlace& place : ends) found.push_back(crossing(place, 0));
   return found;
+}
+
+void BranchEnd::within_budget(std::vector<std::string>& notes, const std::function<void()>& search) {
+  try {
+    search();
+  } catch (const Spent&) {
+    if (!unfinished_.empty()) return;
+    unfinished_ = fmt::format(
+        "the search for ends of stick-slip was ended by its budget of {:.0e} evaluations of a node: there "
+        "may be more of them",
+        most_work_);
+    notes.push_back(unfinished_);
+  }
 }
 
 // Every third line first; the places between, where the corners about them differ.
@@ -325,9 +344,8 @@ void BranchEnd::sample_square() {
     }
 }
 
-std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::string>& notes) {
+void BranchEnd::lines_of_uniform(double step, std::vector<EndLine>& lines, std::vector<std::string>& notes) {
   sample_square();
-  std::vector<EndLine> lines;
   const auto value = [&](int i, int j) { return samples_[j * (side + 1) + i]; };
   bool again = true;  // a sample has changed
   const auto look = [&](int i, int j, int p, int q) {
@@ -361,14 +379,14 @@ std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::s
     again = false;
     for (const auto& [i, j, p, q] : edges) look(i, j, p, q);
   }
-  return lines;
 }
 
-std::vector<EndLine> BranchEnd::lines_of_cell(double step, std::vector<std::string>& notes) {
-  std::vector<EndLine> lines;
+void BranchEnd::lines_of_cell(double step, std::vector<EndLine>& lines, std::vector<std::string>& notes) {
   for (int j = 0; j <= lines_of_square; ++j) {
     const double y = double(j) / lines_of_square;
-    for (const EndPlace& end : ends_of_cell({0, y}, {1, y}, notes)) {
+    std::vector<EndPlace> ends;
+    ends_of_cell({0, y}, {1, y}, ends, notes);
+    for (const EndPlace& end : ends) {
       const auto near = [&](const EndLine& line) {
         if (line.places.front().kind != end.kind) return false;
         const PlanePoint n{1e-3, 0};
@@ -377,12 +395,17 @@ std::vector<EndLine> BranchEnd::lines_of_cell(double step, std::vector<std::stri
       if (std::none_of(lines.begin(), lines.end(), near)) lines.push_back(follow_ends(plane(), end, step));
     }
   }
-  return lines;
 }
 
 std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>& notes) {
   const double step = 1. / std::clamp<double>(double(count), 30., 40.);
-  const std::vector<EndLine> lines = uniform() ? lines_of_uniform(step, notes) : lines_of_cell(step, notes);
+  std::vector<EndLine> lines;
+  {  // even places, whose number is asked for, are found whatever they take
+    const Budget budget(most_work_);
+    within_budget(notes, [&] {
+      uniform() ? lines_of_uniform(step, lines, notes) : lines_of_cell(step, lines, notes);
+    });
+  }
   std::vector<Crossing> result;
   for (const NumberedEnd& end : even_ends(plane(), lines, count))
     result.push_back(crossing(end.place, int(end.line)));

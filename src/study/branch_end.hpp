@@ -7,6 +7,7 @@
 // is followed both ways. In two parameters the points found are followed as lines (end_line.hpp).
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,15 +43,19 @@ class BranchEnd : public StickSlipEnd {
   PlaneScene plane() const;
   bool ends_at_hopf(PlanePoint alive, PlanePoint dead);
   Branch follow(PlanePoint from, PlanePoint to);
-  // Ends on the line from a to b, in order.
-  std::vector<EndPlace> ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<std::string>& notes);
-  std::vector<EndPlace> ends_of_cell(PlanePoint a, PlanePoint b, std::vector<std::string>& notes);
+  // Ends on the line from a to b, in order; as many as are found.
+  void ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<EndPlace>& found,
+                       std::vector<std::string>& notes);
+  void ends_of_cell(PlanePoint a, PlanePoint b, std::vector<EndPlace>& found,
+                    std::vector<std::string>& notes);
   std::optional<EndPlace> end_between(PlanePoint alive, PlanePoint dead, bool& lives,
                                       std::vector<std::string>& notes);
   Crossing crossing(const EndPlace& place, int piece) const;
+  // Of a search as much as its budget allows; where that ends it, a note says so.
+  void within_budget(std::vector<std::string>& notes, const std::function<void()>& search);
   void sample_square();
-  std::vector<EndLine> lines_of_uniform(double step, std::vector<std::string>& notes);
-  std::vector<EndLine> lines_of_cell(double step, std::vector<std::string>& notes);
+  void lines_of_uniform(double step, std::vector<EndLine>& lines, std::vector<std::string>& notes);
+  void lines_of_cell(double step, std::vector<EndLine>& lines, std::vector<std::string>& notes);
 
   CellMotion cell_;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/budget.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 
@@ -75,6 +76,8 @@ std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& nea
     found.slope = slope;
     return found;
   } catch (const Error&) {  // no such cycle, or no such scene
+    return std::nullopt;
+  } catch (const Spent&) {  // the line ends here
     return std::nullopt;
   }
 }

@@ -134,3 +134,20 @@ def test_two_blocks_alike_end_as_one(scenes):
                 check(near < 1e-6 * (s["to"] - s["from"]), f"scene {index}: {point} and {one[0]}: {s}")
                 compared += 1
     check(compared > 0 or not drawn, f"an end of the motion itself among {drawn} scenes: draw more")
+
+
+HEAVY = {
+    "exact stick and viscosity": "-grid_n 4 -model_k0 0.3 -model_k1 0.4 -model_zeta 0.05 -model_nu 0.1 -friction_law carlson-langer "
+                                 "-friction_alpha 0.5 -friction_sigma 0.1 -friction_spread 0.2 -friction_seed 3 -boundary_from 0.1 -boundary_to 1.2",
+    "lugre": "-grid_n 3 -model_k0 0.2 -model_k1 0.6 -model_zeta 0.05 -friction_law lugre -friction_fc 0.7 -friction_fs 1 -friction_vs 0.1 "
+             "-friction_sigma0 13 -friction_sigma1 0.3 -friction_spread 0.1 -boundary_from 0.05 -boundary_to 0.6",
+    "rate and state": "-grid_n 4 -model_k0 0.2 -model_k1 0.4 -friction_law rate-and-state -friction_a 0.05 -friction_b 0.1 -friction_D 0.2 "
+                      "-friction_mu0 0.6 -friction_spread 0.1 -boundary_from 0.1 -boundary_to 1"}
+
+
+def test_searches_end_where_their_work_is_done():
+    """They went on for minutes, or for ever."""
+    for name, words in HEAVY.items():
+        done = call("-model_form chain -bc_left free -model_m 1 -model_f0 1 -init_psi 0.3 -init_noise 0.1 -model_v 0.2 "
+                    f"-boundary_parameter model_v -boundary_of stick-slip -cycle_cell 0 {words}", command="boundary")
+        check(done.returncode in (0, 1) and "ended by its budget of 3e+08 evaluations" in done.stderr, f"{name}: {done.stderr}")

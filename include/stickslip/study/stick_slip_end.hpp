@@ -59,6 +59,11 @@ class StickSlipEnd {
   virtual std::vector<double> on_cycle(double x, double y = 0) const = 0;
   // Whether it was sampled and stick-slip found nowhere.
   bool lives_nowhere() const;
+  // The work of a search for points or a curve, in evaluations of the equations of a node: where it is done
+  // the search ends with what it has found, and a note says so. Of smooth friction, and of cells.
+  void allow(double evaluations) { most_work_ = evaluations; }
+  // Why the search ended before its end; empty where it did not.
+  const std::string& unfinished() const { return unfinished_; }
   // The function, sampled as Samples of boundary.hpp: side 33, or 25 squared; empty where it is not known
   // everywhere.
   const std::vector<double>& samples() const { return samples_; }
@@ -78,6 +83,8 @@ class StickSlipEnd {
   SceneAt scene_at_;
   std::vector<Axis> axes_;
   std::vector<double> samples_;
+  std::string unfinished_;
+  double most_work_ = 3e8;  // some ten seconds
 
  private:
   long evaluations_ = 0;
