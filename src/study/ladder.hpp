@@ -95,8 +95,9 @@ class Jump {
 
 // Runs of a scene by an explicit Runge-Kutta pair on one rank, for `-accuracy`: those that prepare a run are
 // so short that PETSc's grid and TS cost more than the steps do. Steps are those of PETSc's rk with its own
-// error control, and end at the corners of a load as a run's do (a test compares them); every rank does the
-// same.
+// error control, and end at the corners of a load as a run's do (a test compares them). Every rank does the
+// same: ranks that share a step wait for each other in it (two runs of five blocks on two ranks: 1 ms, by
+// run_trial 52).
 class Pilot {
  public:
   // The start is found once. Throws what Start does. Collective where that is.
