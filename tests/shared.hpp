@@ -40,7 +40,7 @@ class InDatabase {
   Settings settings_;
 };
 
-// The unknowns at the start, of which start(node, unknowns) says those of a node; held ends have their values.
+// The unknowns at the start, of which start(node, unknowns) says those of a node; held ends have theirs.
 template <class Start>
 VecHandle started(const Model& model, const Start& start) {
   VecHandle u = model.create_vector();

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
+#include "numerics/lanes.hpp"
 #include "stickslip/base/error.hpp"
-#include "time/band_system_of.hpp"
 
 namespace stickslip {
 
