@@ -220,6 +220,27 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
   }
 }
 
+TEST_CASE("the growth rate of a place is that of the dense matrix, whatever was asked before",
+          "[boundary][serial]") {
+  const std::vector<Axis> axes{{"model_v", 0.3, 1.5, false}, {"friction_spread", 0, 0.8, false}};
+  for (const bool continuum : {true, false}) {
+    const Options options =
+        continuum ? options_of({{"grid_n", "40"}, {"grid_length", "12"}, {"bc_left", "free"}})
+                  : options_of({{"model_form", "chain"}, {"grid_n", "40"}, {"bc_right", "free"}});
+    std::vector<std::pair<double, double>> places;
+    for (int k = 1; k <= 12; ++k)
+      places.push_back({std::fmod(0.618034 * k, 1), std::fmod(0.754878 * k, 1)});
+    GrowthRate forwards = growth_of(options, axes), backwards = growth_of(options, axes);
+    std::vector<double> found;
+    for (const auto& [x, y] : places) found.push_back(forwards(x, y));
+    for (std::size_t k = places.size(); k-- > 0;) {
+      const auto [x, y] = places[k];
+      CHECK(backwards(x, y) == Approx(found[k]).margin(1e-10));
+      CHECK(found[k] == Approx(dense_growth(forwards.scene(x, y))).margin(1e-9));
+    }
+  }
+}
+
 TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once",
           "[boundary][serial]") {
   // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e,

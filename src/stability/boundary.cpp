@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
-#include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -43,11 +43,34 @@ void note_stuck(const std::string& line, const std::string& why, const std::vect
           fmt::format("{} stops inside the box at {}: no way on {}", line, place_text(axes, p.x, p.y), why));
 }
 
-void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes) {
-  for (const Bracket& run : zero)
+std::vector<Bracket> zeros_shown(const std::function<double(double)>& f, const Axis& axis,
+                                 std::vector<Sample>& samples, std::vector<std::string>& notes) {
+  for (const Bracket& run : zero_stretches(f, samples))
     notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there", axis.name,
                                 number_text(axis.value(run.a)), number_text(axis.value(run.b)),
                                 stability_word(0)));
+  return brackets_of(with_touching_zeros(f, samples));
+}
+
+std::vector<Crossing> zeros_in_box(const PlaneFunction& f, const std::vector<Axis>& axes,
+                                   const LineInBox& asked, PetscInt count,
+                                   const std::function<Crossing(double x, double y)>& at, Samples& samples,
+                                   std::vector<std::string>& notes) {
+  const Lattice lattice = sampled(f, asked.cells);
+  samples = {asked.cells + 1, lattice.values};
+  LevelCurveSettings settings;
+  settings.step = asked.step;
+  settings.start = asked.start;
+  const LevelCurve line = level_curve(f, lattice, settings);
+  std::vector<Crossing> found;
+  place_evenly(f, line.pieces, count,
+               [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
+                 if (!on.found) return;
+                 found.push_back(at(on.at.x, on.at.y));
+                 found.back().piece = int(piece);
+               });
+  note_stuck(asked.line, asked.where, axes, line.pieces, notes);
+  return found;
 }
 
 namespace {
@@ -75,20 +98,46 @@ std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
   return std::max(1., std::ceil(double(points) * growth.count_cost() / 2));
 }
 
+// A growth rate along a way through the box: the modes of one place are followed to the next, and nothing is
+// counted but at the first.
+struct OnTheWay {
+  GrowthRate& growth;
+  KnownModes known = {};
+  bool lost = false;  // a mode was, since somebody set it
+
+  std::optional<LeadingMode> leading(double x, double y) {
+    const auto at =
+        known.modes.empty() ? growth.followed(x, y, known) : growth.leading_from(known, x, y, false);
+    lost = lost || !known.sure;
+    return at;
+  }
+  double operator()(double x, double y) { return growth_of(leading(x, y)); }
+  Crossing crossing(double x, double y) { return growth.crossing(x, y, leading(x, y)); }
+  Criticality criticality(const Crossing& c) {
+    return growth.criticality(c, c.kind == "hopf" ? leading(c.x, c.y) : std::nullopt);
+  }
+  // Modes that another grid's has there, as guesses; whatever that has not, the first time.
+  void take_hints(const GrowthRate& other, const KnownModes& there, double x, double y) {
+    const bool first = known.modes.empty();
+    growth.take_hints(known, other, there, x, y);
+    if (first) (void)growth.leading_from(known, x, y, true);
+  }
+};
+
 // ---- one parameter
 // ------------------------------------------------------------------------------------------------
 
 // The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed
 // are sought, and the zero lies further on the stable side.
 Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
+  OnTheWay way{growth};
   for (int attempt = 0;; ++attempt) {
-    const double x = find_root(growth, bracket, 1e-14);
+    const double x = find_root([&](double at) { return way(at, 0); }, bracket, 1e-14);
     if (std::isnan(x)) throw Failure("no steady sliding near a zero of the growth rate");
-    Crossing c = growth.crossing(x);
+    Crossing c = way.crossing(x, 0);
     if (counted) growth.count_growing(c);
     if (!c.complete || *c.complete || attempt == 5) return c;
-    growth.seek(c.x, c.y);
-    const double f = growth(c.x);
+    const double f = growth_of(growth.leading_from(way.known, c.x, c.y, true));
     if (!(f > 0)) return c;
     (bracket.fa > 0 ? bracket.a : bracket.b) = c.x;
     (bracket.fa > 0 ? bracket.fa : bracket.fb) = f;
@@ -109,13 +158,13 @@ double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
 
 std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings) {
   const int pieces = 32;
-  std::vector<Sample> samples = samples_of_unit(growth, pieces);
+  const auto along = [&](double x) { return growth.followed(x); };
+  std::vector<Sample> samples = samples_of_unit(along, pieces);
   findings.samples.side = pieces + 1;
   for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
-  mend_ends(growth, samples);  // a threshold law at v = 0
+  mend_ends(along, samples);  // a threshold law at v = 0
 
-  note_zero_growth(growth.axes()[0], zero_stretches(growth, samples), findings.notes);
-  const std::vector<Bracket> brackets = brackets_of(with_touching_zeros(growth, samples));
+  const std::vector<Bracket> brackets = zeros_shown(along, growth.axes()[0], samples, findings.notes);
   const auto changes =
       std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });
   const std::size_t every = counts_every(growth, std::size_t(changes));
@@ -148,21 +197,23 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
 namespace {
 
 // The growth rate on a lattice over the box. In blocks of places the modes found at the first are followed
-// through the others; it is counted there. `block`: their side.
+// through the others; it is counted there, and where a mode is lost. `block`: their side.
 Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
   Lattice lattice{cells, std::vector<double>((cells + 1) * (cells + 1))};
-  growth.count_every(2);
-  growth.only_sign(true);
+  KnownModes known;
+  const auto sign_at = [&](double x, double y, bool counted) {
+    auto at = growth.leading_from(known, x, y, counted, true);
+    if (at && !counted && !known.sure) at = growth.leading_from(known, x, y, true, true);
+    return growth_of(at);
+  };
   for (int block_j = 0; block_j <= cells; block_j += block)
-    for (int block_i = 0; block_i <= cells; block_i += block) {
-      growth.count_next();
+    for (int block_i = 0; block_i <= cells; block_i += block)
       for (int j = block_j; j <= std::min(cells, block_j + block - 1); ++j)
         for (int k = 0; k <= std::min(cells - block_i, block - 1); ++k) {
           const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + block - 1) - k;
-          lattice.values[j * (cells + 1) + i] = growth(double(i) / cells, double(j) / cells);
+          lattice.values[j * (cells + 1) + i] =
+              sign_at(double(i) / cells, double(j) / cells, j == block_j && k == 0);
         }
-    }
-  growth.only_sign(false);
   return lattice;
 }
 
@@ -173,15 +224,14 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
   const int block = std::clamp(int(std::ceil((cells + 1) * std::sqrt(cost / 2.5))), 1, 4);
   const Lattice lattice = sampled_lattice(growth, cells, block);
   findings.samples = {cells + 1, lattice.values};
-  growth.count_every(std::clamp(1.5 * cost, 0.01, 0.15));
 
-  const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
+  const PlaneFunction f = [&](double x, double y) { return growth.followed(x, y); };
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(points), 40., 60.);
   if (cost > 0)
     settings.sure = [&](double x, double y) {
-      growth.count_next();
-      return growth(x, y);
+      growth.learn(x, y);
+      return growth.followed(x, y);
     };
   LevelCurve curve = level_curve(f, lattice, settings);
   for (const PlanePoint& p : curve.lost)
@@ -199,11 +249,11 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
 class Placing {
  public:
   Placing(GrowthRate& growth, std::optional<GrowthRate> reduced, std::size_t points)
-      : growth_(growth), reduced_(std::move(reduced)), fine_(growth.finer()),
+      : growth_{growth}, reduced_(std::move(reduced)), fine_grid_(growth.finer()),
         every_(counts_every(growth, points)) {
-    growth_.count_every(0);
-    if (fine_) fine_->count_every(0);
+    if (fine_grid_) fine_.emplace(OnTheWay{*fine_grid_});
   }
+  OnTheWay& growth() { return growth_; }
 
   std::vector<Crossing> piece(const std::vector<CurvePlace>& places) {
     slope_ = std::numeric_limits<double>::quiet_NaN();
@@ -231,12 +281,12 @@ class Placing {
   // Counts at a point where it is due or a mode was lost, and places it again where the count finds a mode
   // that was not followed. Whether it did.
   bool count(const CurvePlace& at, Crossing& c, bool due) {
-    const bool lost = growth_.doubtful();
+    const bool lost = std::exchange(growth_.lost, false);
     bool missed = false;
     for (int attempt = 0; due || lost; ++attempt) {
-      growth_.count_growing(c);
+      growth_.growth.count_growing(c);
       if (!c.complete || *c.complete || attempt == 3) break;
-      growth_.seek(c.x, c.y);
+      (void)growth_.growth.leading_from(growth_.known, c.x, c.y, true);
       c = place(at);
       missed = true;
     }
@@ -246,7 +296,9 @@ class Placing {
   Crossing place(const CurvePlace& at) {
     if (reduced_ && (!hinted_ || distance(*hinted_, at.at) > 0.04)) {
       hinted_ = at.at;
-      growth_.take_hints(*reduced_, at.at.x, at.at.y);
+      KnownModes there;
+      (void)reduced_->followed(at.at.x, at.at.y, there);
+      growth_.take_hints(*reduced_, there, at.at.x, at.at.y);
     }
     const PlaneFunction f = [&](double x, double y) { return growth_(x, y); };
     double slope = at.border ? std::numeric_limits<double>::quiet_NaN() : slope_;
@@ -264,7 +316,8 @@ class Placing {
   }
 
   void measure_error(Crossing& c, PlanePoint across, double slope) {
-    fine_->take_hints(growth_, c.x, c.y);
+    (void)growth_.leading(c.x, c.y);
+    fine_->take_hints(growth_.growth, growth_.known, c.x, c.y);
     const double change = (*fine_)(c.x, c.y) - c.growth;
     if (!std::isfinite(slope)) {  // a zero at the first attempt: from the side that lies in the box
       const PlanePoint q{c.x + 1e-6 * across.x, c.y + 1e-6 * across.y};
@@ -272,12 +325,13 @@ class Placing {
       slope = (growth_(c.x + step * across.x, c.y + step * across.y) - c.growth) / step;
     }
     const double moved = change == 0 ? 0 : std::abs(change / slope);
-    c.error = std::abs(growth_.axes()[0].slope(c.x) * across.x) * moved;
-    c.error2 = std::abs(growth_.axes()[1].slope(c.y) * across.y) * moved;
+    c.error = std::abs(growth_.growth.axes()[0].slope(c.x) * across.x) * moved;
+    c.error2 = std::abs(growth_.growth.axes()[1].slope(c.y) * across.y) * moved;
   }
 
-  GrowthRate& growth_;
-  std::optional<GrowthRate> reduced_, fine_;
+  OnTheWay growth_;
+  std::optional<GrowthRate> reduced_, fine_grid_;
+  std::optional<OnTheWay> fine_;
   std::size_t every_;                 // of the points are counted
   std::optional<PlanePoint> hinted_;  // where modes of the reduced scene were taken up last
   double slope_ = 0;                  // of the growth rate across the curve at the last point
@@ -285,7 +339,7 @@ class Placing {
 
 // The point of the curve beside the chord from one point to a neighbour, so far along it (0 to 1); nothing
 // where there is none near.
-std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, const Crossing& b, double part) {
+std::optional<Crossing> point_between(OnTheWay& growth, const Crossing& a, const Crossing& b, double part) {
   const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
   const PlanePoint at{a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
   const double apart = std::max(std::hypot(a.x - b.x, a.y - b.y), 1e-300);
@@ -298,7 +352,7 @@ std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, con
 
 // The place between two neighbouring points of the curve where the first Lyapunov coefficient passes through
 // zero; nothing where its sign changes otherwise: through infinity, or by a jump as another mode takes over.
-std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, const Crossing& b) {
+std::optional<Crossing> bautin_point(OnTheWay& growth, const Crossing& a, const Crossing& b) {
   const double before = a.criticality.coefficient, after = b.criticality.coefficient;
   if (!(before * after < 0)) return std::nullopt;
   std::optional<Crossing> last;
@@ -320,7 +374,7 @@ std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, cons
 // there has the mode of the second. Nothing where their frequencies are alike, or where that of one mode
 // changes steadily from one to the other: then it comes to be the same at both ends of what is left, while a
 // jump stays.
-std::optional<Crossing> meeting(GrowthRate& growth, Crossing a, Crossing b) {
+std::optional<Crossing> meeting(OnTheWay& growth, Crossing a, Crossing b) {
   const double scale = std::max(a.frequency, b.frequency), other = 0.3 * scale, same = 1e-3 * scale;
   const auto apart = [](const Crossing& p, const Crossing& q) { return std::abs(p.frequency - q.frequency); };
   if (!(apart(a, b) > other)) return std::nullopt;
@@ -350,10 +404,10 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
         continue;
       }
       if (!result.empty() && result.back().piece == c.piece) {
-        const std::optional<Crossing> change = meeting(growth, result.back(), c);
+        const std::optional<Crossing> change = meeting(placing.growth(), result.back(), c);
         c.switched = change.has_value();
         if (change && findings.meetings.size() < 16) findings.meetings.push_back(*change);
-        if (const auto bautin = bautin_point(growth, result.back(), c))
+        if (const auto bautin = bautin_point(placing.growth(), result.back(), c))
           findings.special.push_back({"bautin", *bautin});
       }
       result.push_back(c);

@@ -5,7 +5,6 @@
 #include <limits>
 #include <string>
 
-#include "stability/followed_modes.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
@@ -18,18 +17,19 @@ double Axis::value(double c) const {
   return logarithmic ? from * std::pow(to / from, c) : from + (to - from) * c;
 }
 
-GrowthRate::GrowthRate(MPI_Comm comm, SceneAt scene_at, std::vector<Axis> axes, bool refine)
-    : comm_(comm), scene_at_(std::move(scene_at)), axes_(std::move(axes)), refine_(refine),
-      modes_(std::make_unique<FollowedModes>(comm, refine)) {
-  for (const double x : {0., 1.})
-    for (const double y : {0., 1.}) (void)scene(x, y);
+Crossing OnAxes::crossing_at(double x, double y) const {
+  Crossing c;
+  c.x = x;
+  c.y = y;
+  c.value = value(0, x);
+  c.value2 = value(1, y);
+  return c;
 }
 
-GrowthRate::GrowthRate(GrowthRate&&) noexcept = default;
-GrowthRate::~GrowthRate() = default;
-
-Scene GrowthRate::scene(double x, double y) const {
-  return scene_at_(axes_.empty() ? 0 : axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+GrowthRate::GrowthRate(MPI_Comm comm, SceneAt scene_at, std::vector<Axis> axes, bool refine)
+    : OnAxes(std::move(scene_at), std::move(axes)), comm_(comm), settings_{refine} {
+  for (const double x : {0., 1.})
+    for (const double y : {0., 1.}) (void)scene(x, y);
 }
 
 std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) const {
@@ -64,104 +64,105 @@ bool GrowthRate::differ(const std::optional<LinearisedOperator>& a,
   return false;
 }
 
-void GrowthRate::only_sign(bool yes) { modes_->only_sign(yes); }
-bool GrowthRate::doubtful() { return modes_->doubtful(); }
-
 // ---- the leading mode
 // ---------------------------------------------------------------------------------------------
 
-std::optional<ContinuumLead> GrowthRate::closed(const LinearisedOperator& s) const {
-  return refine_ ? continuum_lead(s) : std::nullopt;
-}
-
-bool GrowthRate::all_known(const LinearisedOperator& s) const { return closed(s) || s.has_exact_waves(); }
-
-// The leading one of all waves of the discrete dispersion relation; of equal ones the longest.
-std::optional<LeadingMode> GrowthRate::leading_wave(const LinearisedOperator& s) const {
-  const auto found = fastest_wave(s.mean(), Waves::of(s.scene), same_growth(s));
-  if (!found) return std::nullopt;
-  LeadingMode best{{}, found->degenerate};
-  best.mode.value = found->value;
-  best.mode.wavenumber = found->wavenumber;
-  return best;
+std::optional<LeadingMode> GrowthRate::leading_from(KnownModes& known, double x, double y, bool counted,
+                                                    bool only_sign) {
+  count_evaluation();
+  const std::optional<LinearisedOperator> s = linearised(x, y);
+  LeadSettings settings = settings_;
+  settings.only_sign = only_sign;
+  return s ? lead(comm_, *s, known, counted, settings) : std::nullopt;
 }
 
 std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
-  ++evaluations_;
-  if (each_) each_();
+  if (recent_.modes.empty() && latest_) recent_ = cells_.at(*latest_).known;
+  return leading_from(recent_, x, y, true);
+}
+
+// Where the place has no cell, or a mode is lost on the way, it is counted here.
+std::optional<LeadingMode> GrowthRate::followed(double x, double y, KnownModes& known) {
+  count_evaluation();
   const std::optional<LinearisedOperator> s = linearised(x, y);
   if (!s) return std::nullopt;
-  if (const auto lead = closed(*s)) {
-    LeadingMode best{{}, lead->degenerate};
-    best.mode.value = {lead->growth, lead->frequency};
-    best.mode.wavenumber = lead->wavenumber;
-    return best;
+  if (!is_followed(*s, settings_.refine)) return lead(comm_, *s, known, false, settings_);
+  if (const std::optional<CellKey> key = cell_about(*s, x, y)) {
+    known = cell(*key, s->size()).known;
+    const auto found = lead(comm_, *s, known, false, settings_);
+    if (found && known.sure) return found;
   }
-  if (s->has_exact_waves()) return leading_wave(*s);
-  if (s->unknowns() > 64) return leading_followed(*s, x, y);
-  modes_->clear();  // every eigenvalue is had for less than following some
-  modes_->search(*s, false);
-  if (modes_->empty()) return std::nullopt;
-  return modes_->leading(*s);
+  return lead(comm_, *s, known, true, settings_);
 }
 
-// Takes up the modes of the nearest place that was counted. Whether it is so near that its count holds here.
-bool GrowthRate::take_up_place(const LinearisedOperator& s, const Place& here, bool due) {
-  const Place* other = nullptr;
-  const auto away = [&](const Place& p) { return std::hypot(p.x - here.x, p.y - here.y); };
-  for (const Place& p : places_)
-    if (!other || away(p) < away(*other)) other = &p;
-  if (!other) return false;
-  modes_->take_up(s, other->found);
-  if (due || !near(here, *other)) return false;
-  modes_at_ = *other;
-  modes_at_->found.clear();
-  return true;
+double GrowthRate::followed(double x, double y) {
+  KnownModes known;
+  return growth_of(followed(x, y, known));
 }
 
-std::optional<LeadingMode> GrowthRate::leading_followed(const LinearisedOperator& s, double x, double y) {
-  Place here = place_of(s, x, y);
-  const bool due = std::exchange(due_, false),
-             moved = due || (reach_ > 0 && !(modes_at_ && near(here, *modes_at_)));
-  bool count = moved || modes_->empty();
-  if (moved && take_up_place(s, here, due)) count = false;
-  const auto followed = modes_->follow(s);
-  if (!followed) {
-    modes_->recover(s);
-    count = true;
+void GrowthRate::learn(double x, double y) {
+  KnownModes known;
+  const std::optional<LinearisedOperator> s = linearised(x, y);
+  if (!followed(x, y, known) || !is_followed(*s, settings_.refine)) return;
+  (void)lead(comm_, *s, known, true, settings_);
+  if (const std::optional<CellKey> key = cell_about(*s, x, y)) cell(*key, s->size()).known = std::move(known);
+}
+
+// ---- cells
+// ------------------------------------------------------------------------------------------------------
+
+// Counted as often as they cost.
+double GrowthRate::side() {
+  if (side_ == 0) side_ = axes_.size() > 1 ? std::clamp(3 * count_cost(), 0.08, 0.2) : 1. / 16;
+  return side_;
+}
+
+// The largest cell whose middle has steady sliding and coefficients like those here; nothing where even a
+// small one has not.
+std::optional<GrowthRate::CellKey> GrowthRate::cell_about(const LinearisedOperator& s, double x, double y) {
+  constexpr int halvings = 8;
+  const Cell here = coefficients_of(s);
+  for (int k = 0; k <= halvings; ++k) {
+    const double width = std::ldexp(side(), -k);
+    const CellKey key{k, std::int64_t(std::floor(x / width)),
+                      axes_.size() > 1 ? std::int64_t(std::floor(y / width)) : 0};
+    if (near(here, cell(key, s.size()))) return key;
   }
-  if (modes_->empty()) return std::nullopt;
-  if (!count) return followed;
-  if (reach_ > 0 && !modes_->complete(s)) modes_->search(s, true);
-  modes_at_ = here;
-  if ((places_.size() + 1) * s.size() < 250000) {
-    here.found = modes_->all();
-    places_.push_back(std::move(here));
+  return std::nullopt;
+}
+
+GrowthRate::Cell& GrowthRate::cell(const CellKey& key, std::size_t nodes) {
+  const auto found = cells_.find(key);
+  if (found != cells_.end()) return found->second;
+  const double width = std::ldexp(side(), -int(key[0]));
+  const auto middle = [&](std::int64_t at) { return std::min(1., (double(at) + 0.5) * width); };
+  Cell cell;
+  if (const auto s = linearised(middle(key[1]), axes_.size() > 1 ? middle(key[2]) : 0)) {
+    cell = coefficients_of(*s);
+    if (latest_) cell.known = cells_.at(*latest_).known;
+    (void)lead(comm_, *s, cell.known, true, settings_);
   }
-  return modes_->leading(s);
+  if (double(cells_.size() + 1) * double(nodes) > 250000) cells_.clear();
+  latest_ = key;
+  return cells_[key] = std::move(cell);
 }
 
-void GrowthRate::seek(double x, double y) {
-  const LinearisedOperator s(scene(x, y));
-  if (!modes_->empty() && modes_->complete(s)) return;
-  modes_->search(s, true);
-}
-
-GrowthRate::Place GrowthRate::place_of(const LinearisedOperator& s, double x, double y) {
+GrowthRate::Cell GrowthRate::coefficients_of(const LinearisedOperator& s) {
   const double slow = s.rate_of(s.K0), fast = s.rate_of(s.largest_stiffness());
   const double massless_unit = s.scene.massless() ? slow / s.mean().beta() : 0;
-  Place place{x, y, slow * slow, fast * fast, {}, {}, {}};
-  if (s.N > 0) place.drag.push_back(s.viscous_rate());
+  Cell cell{slow * slow, fast * fast, {}, {}};
+  if (s.N > 0) cell.drag.push_back(s.viscous_rate());
   for (std::size_t i = 0; i < s.size(); ++i) {
     const LinearPoint p = s.point(i);
-    place.drag.push_back((s.scene.massless() ? massless_unit : p.A) * p.slow_beta());
-    if (s.has_state()) place.r.push_back(s.point(i).r());
+    cell.drag.push_back((s.scene.massless() ? massless_unit : p.A) * p.slow_beta());
+    if (s.has_state()) cell.r.push_back(s.point(i).r());
   }
-  return place;
+  return cell;
 }
 
-bool GrowthRate::near(const Place& a, const Place& b) const {
-  if (std::hypot(a.x - b.x, a.y - b.y) > reach_ || a.drag.size() != b.drag.size()) return false;
+// Whether the coefficients of two places differ by less than half the oscillation's frequency.
+bool GrowthRate::near(const Cell& a, const Cell& b) {
+  if (a.drag.empty() || a.drag.size() != b.drag.size()) return false;
   const auto ratio = [](double p, double q) { return p == q ? 1 : std::max(p, q) / std::min(p, q); };
   if (!(ratio(a.K0, b.K0) < 2) || !(ratio(a.stiffest, b.stiffest) < 2)) return false;
   const double allowed = 0.5 * std::sqrt(std::max(a.K0, 1e-3 * a.stiffest));
@@ -171,10 +172,7 @@ bool GrowthRate::near(const Place& a, const Place& b) const {
   return true;
 }
 
-double GrowthRate::operator()(double x, double y) {
-  const auto at = leading(x, y);
-  return at ? at->mode.value.real() + 0. : std::numeric_limits<double>::quiet_NaN();  // + 0.: no -0
-}
+double GrowthRate::operator()(double x, double y) { return growth_of(leading(x, y)); }
 
 // ---- a point of the boundary
 // --------------------------------------------------------------------------------------
@@ -195,13 +193,14 @@ double relation_residual(const LinearisedOperator& s, const Mode& m) {
 
 }  // namespace
 
-Crossing GrowthRate::crossing(double x, double y) {
-  const auto at = leading(x, y);
+Crossing GrowthRate::crossing(double x, double y) { return crossing(x, y, leading(x, y)); }
+
+Crossing GrowthRate::crossing(double x, double y, const std::optional<LeadingMode>& at) const {
   if (!at) throw Failure("no steady sliding on the boundary");
   const LinearisedOperator s(scene(x, y));
   Mode m = at->mode;
   const bool wave = m.psi.empty();  // of a relation
-  if (closed(s)) {
+  if (lead_without_grid(s, settings_.refine)) {
     m.residual = relation_residual(s, m);
   } else {
     if (wave) m.psi = s.wave(m.wavenumber);
@@ -210,11 +209,7 @@ Crossing GrowthRate::crossing(double x, double y) {
     else
       polish(s, m);
   }
-  Crossing c;
-  c.x = x;
-  c.y = y;
-  c.value = axes_[0].value(x);
-  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
+  Crossing c = crossing_at(x, y);
   c.growth = m.value.real();
   c.frequency = m.value.imag();
   c.wavenumber = m.wavenumber;
@@ -226,15 +221,18 @@ Crossing GrowthRate::crossing(double x, double y) {
 }
 
 Criticality GrowthRate::criticality(const Crossing& c) {
+  return criticality(c, c.kind == "hopf" ? leading(c.x, c.y) : std::nullopt);
+}
+
+Criticality GrowthRate::criticality(const Crossing& c, const std::optional<LeadingMode>& at) const {
   Criticality found;
-  const auto at = c.kind == "hopf" ? leading(c.x, c.y) : std::nullopt;
-  if (!at) {
+  if (c.kind != "hopf" || !at) {
     found.why_not = "the mode does not oscillate";
     return found;
   }
   const SteadySliding steady(scene(c.x, c.y));
   const LinearisedOperator s(steady);
-  return stickslip::criticality(steady, s, at->mode, bool(closed(s)));
+  return stickslip::criticality(steady, s, at->mode, bool(lead_without_grid(s, settings_.refine)));
 }
 
 bool GrowthRate::vanishes(const Crossing& c) const {
@@ -244,18 +242,19 @@ bool GrowthRate::vanishes(const Crossing& c) const {
 
 bool GrowthRate::near_shortest(const Crossing& c) const {
   const LinearisedOperator s(scene(c.x, c.y));
-  return s.scene.form == Form::continuum && !closed(s) && c.frequency > 0.9 * resolved_frequency(s);
+  return s.scene.form == Form::continuum && !lead_without_grid(s, settings_.refine) &&
+         c.frequency > 0.9 * resolved_frequency(s);
 }
 
-void GrowthRate::count_growing(Crossing& c) {
+void GrowthRate::count_growing(Crossing& c) const {
   const LinearisedOperator s(scene(c.x, c.y));
-  if (all_known(s)) {  // the growth rate is the largest of all there
+  if (all_known(s, settings_.refine)) {  // the growth rate is the largest of all there
     c.complete = true;
     return;
   }
   const double margin = count_margin(s, c.frequency) + std::max(0., 2 * c.growth);
-  auto count = modes_->count(s, margin);
-  if (!count) count = modes_->count(s, 10 * margin);
+  auto count = count_leading(comm_, s, margin, settings_.refine);
+  if (!count) count = count_leading(comm_, s, 10 * margin, settings_.refine);
   c.complete.reset();
   if (count) c.complete = *count == 0;
 }
@@ -264,7 +263,7 @@ double GrowthRate::count_cost() const {
   for (const double x : {0.5, 0.3, 0.7, 0.1, 0.9}) {
     const auto s = linearised(x, x);
     if (!s) continue;
-    if (all_known(*s)) return 0;
+    if (all_known(*s, settings_.refine)) return 0;
     static constexpr double microseconds[] = {0.6, 2.2, 2.8, 3};  // by order, of the tree
     const double n = double(s->size()),
                  each = s->scene.form == Form::chain ? 2 : microseconds[s->scene.order / 2 - 1];
@@ -289,7 +288,7 @@ std::optional<GrowthRate> GrowthRate::finer() const {
     scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
     return scene;
   };
-  return GrowthRate(comm_, halved, axes_, refine_);
+  return GrowthRate(comm_, halved, axes_, settings_.refine);
 }
 
 namespace {
@@ -326,7 +325,7 @@ bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
   for (const double x : sampled)
     for (const double y : sampled) {
       const auto a = linearised(x, y), b = coarse.linearised(x, y);
-      if (!a || !b || all_known(*a)) continue;
+      if (!a || !b || all_known(*a, settings_.refine)) continue;
       needed = true;
       if (a->scene.form == Form::chain) continue;
       const Complex fine = mean_growth(*a), rough = mean_growth(*b);
@@ -336,7 +335,7 @@ bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
 }
 
 std::optional<GrowthRate> GrowthRate::reduced() const {
-  if (!refine_) return std::nullopt;  // another grid has other modes of its own
+  if (!settings_.refine) return std::nullopt;  // another grid has other modes of its own
   double intervals = 0;
   PetscInt n = 0;
   for (const double x : sampled)
@@ -354,9 +353,9 @@ std::optional<GrowthRate> GrowthRate::reduced() const {
     scene.order = 2;
     return scene;
   };
-  GrowthRate coarse(comm_, coarser, axes_, refine_);
+  GrowthRate coarse(comm_, coarser, axes_, settings_.refine);
   if (!grid_suffices(coarse)) return std::nullopt;
-  coarse.modes_->allow_slack(1e-4);
+  coarse.settings_.slack = 1e-4;
   return coarse;
 }
 
@@ -372,20 +371,17 @@ void take_to_grid(const LinearisedOperator& from, const LinearisedOperator& to,
 
 }  // namespace
 
-void GrowthRate::take_hints(GrowthRate& other, double x, double y) {
-  if (!other.leading(x, y)) return;
+void GrowthRate::take_hints(KnownModes& known, const GrowthRate& other, const KnownModes& modes, double x,
+                            double y) const {
   const auto here = linearised(x, y), there = other.linearised(x, y);
-  if (!here || !there || all_known(*here)) return;  // no mode is followed where all are known
+  if (!here || !there || !is_followed(*here, settings_.refine)) return;
   std::vector<FollowedMode> hints;
-  for (const FollowedMode& f : other.modes_->all())
+  for (const FollowedMode& f : modes.modes)
     if (f.mode.psi.size() == there->size()) hints.push_back(f);
   std::vector<std::vector<Complex>*> shapes;
   for (FollowedMode& f : hints) shapes.insert(shapes.end(), {&f.mode.psi, &f.left});
   take_to_grid(*there, *here, shapes);
-  modes_->take_up(*here, hints);
-  // what the other has not
-  if (!hinted_ && (modes_->empty() || !modes_->complete(*here))) modes_->search(*here, false);
-  hinted_ = true;
+  take_up(*here, known, hints, settings_);
 }
 
 }  // namespace stickslip

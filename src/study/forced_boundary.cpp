@@ -37,41 +37,39 @@ SlideStability stability_of_slide(const Scene& scene, const SmoothCycle& slide) 
   out.residual = slide.cycle.residual;
   out.multiplier = slide.cycle.multipliers.front();
   if (stands_for_all(scene) && scene.n > 1 && scene.K1() > 0) {
-    constexpr std::int64_t all_of_first = 100, part = 50;
     const Waves waves = waves_of(scene);
     Deviations deviations(slide);
-    for (std::int64_t j = 0; j < waves.count; j += j < all_of_first ? 1 : j / part) {
-      if (waves.k(j) == 0) continue;
+    const auto size = [&](std::int64_t j) {
+      if (waves.k(j) == 0) return 0.;
       const std::complex<double> mu = deviations.of_wave(waves.kappa2(j)).front();
-      if (!(std::abs(mu) > std::abs(out.multiplier))) continue;
-      out.multiplier = mu;
-      out.wavenumber = waves.k(j);
-    }
+      if (std::abs(mu) > std::abs(out.multiplier)) {
+        out.multiplier = mu;
+        out.wavenumber = waves.k(j);
+      }
+      return std::abs(mu);
+    };
+    (void)fastest_of(0, waves.count - 1, size, false);
   }
   const double turns = std::log(std::abs(out.multiplier));
   out.growth = std::abs(turns) <= round_off + slide.cycle.error_estimate ? 0 : turns / out.period;
   return out;
 }
 
-Scene ForcedBoundary::scene_of(double x, double y) const {
-  return scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+const ForcedBoundary::Found* ForcedBoundary::nearest(double x, double y) const {
+  const auto away = [&](const Found& found) { return std::hypot(found.x - x, found.y - y); };
+  const auto found = std::min_element(slides_.begin(), slides_.end(),
+                                      [&](const Found& a, const Found& b) { return away(a) < away(b); });
+  return found == slides_.end() ? nullptr : &*found;
 }
 
-// From the nearest slide that was found before, in steps along the straight line to the place.
-SmoothCycle ForcedBoundary::led_to(double x, double y) const {
+// In steps along the straight line from another place.
+SmoothCycle ForcedBoundary::led_to(double x, double y, const Found& from) const {
   constexpr double least_step = 1. / 8;
-  const auto away = [&](const auto& slide) {
-    return std::hypot(slide.first.first - x, slide.first.second - y);
-  };
-  const auto nearest = std::min_element(slides_.begin(), slides_.end(), [&](const auto& a, const auto& b) {
-    return away(a) < away(b);
-  });
-  const auto [from_x, from_y] = nearest->first;
-  SmoothCycle slide = nearest->second;
+  SmoothCycle slide = from.slide;
   for (double passed = 0, step = 1; passed < 1;) {
     const double part = std::min(1., passed + step);
     try {
-      const Scene there = scene_of(from_x + part * (x - from_x), from_y + part * (y - from_y));
+      const Scene there = scene(from.x + part * (x - from.x), from.y + part * (y - from.y));
       slide = forced_slide_near(slide, cell_of(there));
     } catch (const Failure&) {
       if ((step /= 2) < least_step) throw;
@@ -82,26 +80,30 @@ SmoothCycle ForcedBoundary::led_to(double x, double y) const {
   return slide;
 }
 
+// By making the load grow, or from the nearest slide that was found before: first the way by which that one
+// was found.
 SmoothCycle ForcedBoundary::slide_at(double x, double y) {
   constexpr std::size_t kept = 100;
-  SmoothCycle slide;
+  const Found* const other = nearest(x, y);
+  Found found{x, y, {}, other && other->led};
+  const auto find = [&] { return found.led ? led_to(x, y, *other) : forced_slide(cell_of(scene(x, y))); };
   try {
-    slide = forced_slide(cell_of(scene_of(x, y)));
+    found.slide = find();
   } catch (const Failure&) {
-    if (slides_.empty()) throw;
-    slide = led_to(x, y);
+    if (!other) throw;
+    found.led = !found.led;
+    found.slide = find();
   }
-  if (slides_.size() < kept) slides_.emplace(std::make_pair(x, y), slide);
-  return slide;
+  if (slides_.size() < kept) slides_.push_back(found);
+  return std::move(found.slide);
 }
 
 bool ForcedBoundary::look(double x, double y) {
-  ++evaluations_;
-  if (each_) each_();
-  const Scene scene = scene_of(x, y);
-  sticks_ = scene.friction.sticks();
+  count_evaluation();
+  const Scene here = scene(x, y);
+  sticks_ = here.friction.sticks();
   try {
-    seen_ = stability_of_slide(scene, slide_at(x, y));
+    seen_ = stability_of_slide(here, slide_at(x, y));
   } catch (const Error& failure) {
     why_not_ = failure.what();
     return false;
@@ -117,11 +119,7 @@ double ForcedBoundary::operator()(double x, double y) {
 double ForcedBoundary::least(double x) { return look(x, 0) ? seen_.least : std::nan(""); }
 
 Crossing ForcedBoundary::crossing(double x, double y) {
-  Crossing c;
-  c.x = x;
-  c.y = y;
-  c.value = axes_[0].value(x);
-  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
+  Crossing c = crossing_at(x, y);
   c.growth = (*this)(x, y);
   c.residual = seen_.residual;
   c.wavenumber = seen_.wavenumber;
@@ -187,10 +185,11 @@ std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
     findings.samples.growth.push_back(sample.f);
     least_at.push_back({sample.x, least_seen[sample.x]});
   }
-  note_zero_growth(axes_[0], zero_stretches(*this, samples), findings.notes);
+  const std::vector<Bracket> zeros =
+      zeros_shown([&](double x) { return (*this)(x); }, axes_[0], samples, findings.notes);
   note_lost(samples, findings.notes);
   std::vector<Crossing> found;
-  for (const Bracket& bracket : brackets_of(with_touching_zeros(*this, samples))) {
+  for (const Bracket& bracket : zeros) {
     const double at = find_root(*this, bracket, 1e-13);
     if (std::isnan(at))
       findings.notes.push_back("the slide under the load is lost near " + place_text(axes_, bracket.a, 0) +
@@ -204,23 +203,10 @@ std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
 }
 
 std::vector<Crossing> ForcedBoundary::curve(PetscInt count, BoundaryFindings& findings) {
-  constexpr int cells = 16;
-  const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
-  const Lattice lattice = sampled(f, cells);
-  findings.samples = {cells + 1, lattice.values};
-  LevelCurveSettings settings;
-  settings.step = 1. / 40;
-  settings.start = 1e-7;
-  const LevelCurve line = level_curve(f, lattice, settings);
-  std::vector<Crossing> result;
-  place_evenly(f, line.pieces, count,
-               [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
-                 if (!on.found) return;
-                 result.push_back(crossing(on.at.x, on.at.y));
-                 result.back().piece = int(piece);
-               });
-  note_stuck("the curve", "there (nothing slides without a stop beyond)", axes_, line.pieces, findings.notes);
-  return result;
+  const LineInBox line{"the curve", "there (nothing slides without a stop beyond)", 16, 1. / 40, 1e-7};
+  const auto at = [&](double x, double y) { return crossing(x, y); };
+  return zeros_in_box([&](double x, double y) { return (*this)(x, y); }, axes_, line, count, at,
+                      findings.samples, findings.notes);
 }
 
 }  // namespace stickslip

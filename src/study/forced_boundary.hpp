@@ -8,14 +8,11 @@
 #pragma once
 
 #include <complex>
-#include <functional>
-#include <map>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "numerics/sampled_zeros.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/boundary.hpp"
 
 namespace stickslip {
@@ -34,10 +31,9 @@ struct SlideStability {
 // `slide`: that of the scene, of one node where all are alike.
 SlideStability stability_of_slide(const Scene& scene, const SmoothCycle& slide);
 
-class ForcedBoundary {
+class ForcedBoundary : public OnAxes {
  public:
-  ForcedBoundary(SceneAt scene_at, std::vector<Axis> axes)
-      : scene_at_(std::move(scene_at)), axes_(std::move(axes)) {}
+  using OnAxes::OnAxes;
 
   // As boundary_points() and boundary_curve() of steady sliding.
   std::vector<Crossing> points(BoundaryFindings& findings);
@@ -47,30 +43,27 @@ class ForcedBoundary {
   double operator()(double x, double y = 0);
   // Why there is none, as was found last; empty where there is.
   const std::string& why_not() const { return why_not_; }
-  const std::vector<Axis>& axes() const { return axes_; }
-  long evaluations() const { return evaluations_; }
-  void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
 
  private:
   // psi along v where it is least; NaN where the slide is lost.
   double least(double x);
   bool look(double x, double y);  // fills seen_; whether there is a slide
-  Scene scene_of(double x, double y) const;
+  struct Found {
+    double x, y;
+    SmoothCycle slide;
+    bool led;  // to there, as making the load grow there did not reach it
+  };
+  const Found* nearest(double x, double y) const;
   SmoothCycle slide_at(double x, double y);  // throws Failure where none is found
-  SmoothCycle led_to(double x, double y) const;
+  SmoothCycle led_to(double x, double y, const Found& from) const;
   void note_lost(const std::vector<Sample>& samples, std::vector<std::string>& notes);
   Crossing crossing(double x, double y);
   void add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found);
 
-  SceneAt scene_at_;
-  std::vector<Axis> axes_;
   SlideStability seen_;
   bool sticks_ = false;
   std::string why_not_;
-  // Slides that were found, by their places on the first axis and the second: what others begin from.
-  std::map<std::pair<double, double>, SmoothCycle> slides_;
-  long evaluations_ = 0;
-  std::function<void()> each_;
+  std::vector<Found> slides_;  // what others begin from
 };
 
 }  // namespace stickslip

@@ -8,7 +8,6 @@
 #include <optional>
 #include <set>
 
-#include "numerics/sampled_zeros.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/scales.hpp"

@@ -10,6 +10,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
@@ -54,11 +55,14 @@ FastestDeviation fastest_on_uniform(const Scene& ring) {
     // of ever shorter waves
     if (ring.nu == 0) fastest.growth = std::max(fastest.growth, -deviations.mean_damping() / 2);
     const double period = cycle.cycle.period, unit = 2 * M_PI / ring.length;
-    for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50) {
+    const auto growth_of = [&](std::int64_t m) {
       const double k = double(m) * unit;
       const double growth = std::log(std::abs(deviations.of_wave(k * k).front())) / period;
       if (growth > fastest.growth) fastest = {growth, k, fastest.frequency};
-    }
+      return growth;
+    };
+    const double last = turns_of_shortest / (unit * ring.c * period);
+    (void)fastest_of(1, std::int64_t(std::min(last, 1e15)), growth_of, false);
     return fastest;
   } catch (const Failure&) {
     return {std::nan(""), std::nan(""), std::nan("")};
@@ -71,7 +75,9 @@ double growth_on_uniform(const Scene& ring) { return fastest_on_uniform(ring).gr
 
 MediumLines::MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses,
                          std::function<void()> each)
-    : scene_at_(std::move(scene_at)), axes_(std::move(axes)), pulses_(pulses), each_(std::move(each)) {}
+    : OnAxes(std::move(scene_at), std::move(axes)), pulses_(pulses) {
+  watch(std::move(each));
+}
 
 std::string MediumLines::refusal(const Scene& s) {
   if (s.form == Form::chain) return "trains are those of a continuum (model_form continuum)";
@@ -85,11 +91,7 @@ std::string MediumLines::refusal(const Scene& s) {
 }
 
 Crossing MediumLines::crossing(double x, double y, const char* of) const {
-  Crossing c;
-  c.x = x;
-  c.y = y;
-  c.value = axes_[0].value(x);
-  c.value2 = axes_[1].value(y);
+  Crossing c = crossing_at(x, y);
   c.of = of;
   c.growth = c.residual = std::nan("");
   return c;
@@ -97,30 +99,23 @@ Crossing MediumLines::crossing(double x, double y, const char* of) const {
 
 std::vector<Crossing> MediumLines::waves(PetscInt count, std::vector<std::string>& notes) {
   const PlaneFunction f = [&](double x, double y) {
-    each_();
+    count_evaluation();
     return growth_on_uniform(scene(x, y));
   };
-  Pulse::stage("waves on " + std::to_string((cells + 1) * (cells + 1)) + " oscillations");
-  const Lattice lattice = sampled(f, cells);
-  growth_ = lattice.values;
-  LevelCurveSettings settings;
-  settings.step = 1. / 16;
   Pulse::stage("line of waves on the oscillation");
-  const LevelCurve line = level_curve(f, lattice, settings);
-  std::vector<Crossing> result;
-  place_evenly(f, line.pieces, count,
-               [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
-                 if (!on.found) return;
-                 Crossing c = crossing(on.at.x, on.at.y, "waves");
-                 c.kind = "wave";
-                 c.piece = int(piece);
-                 const FastestDeviation fastest = fastest_on_uniform(scene(c.x, c.y));
-                 c.frequency = fastest.frequency;
-                 c.wavenumber = fastest.wavenumber;
-                 result.push_back(c);
-               });
-  note_stuck("the line of waves on the oscillation", "is found", axes_, line.pieces, notes);
-  return result;
+  const auto at = [&](double x, double y) {
+    Crossing c = crossing(x, y, "waves");
+    c.kind = "wave";
+    const FastestDeviation fastest = fastest_on_uniform(scene(x, y));
+    c.frequency = fastest.frequency;
+    c.wavenumber = fastest.wavenumber;
+    return c;
+  };
+  Samples samples;
+  const LineInBox line{"the line of waves on the oscillation", "is found", cells, 1. / 16};
+  std::vector<Crossing> found = zeros_in_box(f, axes_, line, count, at, samples, notes);
+  growth_ = std::move(samples.growth);
+  return found;
 }
 
 // The trains at the height y of the box, and the lines that bound the stable ones among them.
@@ -140,7 +135,7 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitLine>& lines,
       continue;
     for (const double to : {1., 0.}) {
       if (to == x) continue;
-      each_();
+      count_evaluation();
       Branch branch;
       try {
         branch = continue_train(slice, x, to, branch_steps);
@@ -179,7 +174,7 @@ std::vector<Crossing> MediumLines::trains(PetscInt count, std::vector<std::strin
   std::vector<Crossing> result;
   for (std::size_t number = 0; number < lines.size(); ++number) {
     for (const CurvePlace& place : places[number]) {
-      each_();
+      count_evaluation();
       const std::optional<TrainLimit> limit = lines[number].at(place);
       // where others have taken the lead trains are unstable on both sides
       if (!limit || !limit->leads.value_or(false)) continue;

@@ -28,16 +28,8 @@ std::unique_ptr<StickSlipEnd> StickSlipEnd::of(SceneAt scene_at, std::vector<Axi
   return std::make_unique<BranchEnd>(std::move(scene_at), std::move(axes), cell);
 }
 
-Scene StickSlipEnd::scene_of_axes(double x, double y) const {
-  return scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
-}
-
 Crossing StickSlipEnd::crossing_at(double x, double y) const {
-  Crossing c;
-  c.x = x;
-  c.y = y;
-  c.value = axes_[0].value(x);
-  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
+  Crossing c = OnAxes::crossing_at(x, y);
   c.of = "stick-slip";
   c.growth = c.residual = std::nan("");
   return c;
@@ -52,11 +44,6 @@ void StickSlipEnd::note_stuck_ends(const std::vector<CurvePiece>& pieces,
 
 bool StickSlipEnd::lives_nowhere() const {
   return !samples_.empty() && std::none_of(samples_.begin(), samples_.end(), [](double f) { return f <= 0; });
-}
-
-void StickSlipEnd::count_evaluation() {
-  if (each_) each_();
-  ++evaluations_;
 }
 
 }  // namespace stickslip

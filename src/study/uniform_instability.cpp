@@ -13,28 +13,6 @@ namespace {
 
 constexpr double orbit_tolerance = 1e-7, least_growth = 1e-6;  // relative; of a multiplier beyond 1
 
-// The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours
-// of that.
-template <class Rate>
-PetscInt fastest(PetscInt last, const Rate& rate) {
-  PetscInt step = (last + 399) / 400, best = 0;
-  double largest = 0;
-  const auto look = [&](PetscInt j) {
-    const double here = rate(j);
-    if (best != 0 && !(here > largest)) return false;
-    largest = here;
-    best = j;
-    return true;
-  };
-  for (PetscInt j = 1; j <= last; j += step) look(j);
-  while (step > 1) {
-    step = (step + 1) / 2;
-    while (best + step <= last && look(best + step)) continue;
-    while (best > step && look(best - step)) continue;
-  }
-  return best;
-}
-
 }  // namespace
 
 UniformInstability instability_of_sliding(const Scene& scene) {
@@ -58,7 +36,7 @@ UniformInstability instability_of_oscillation(const Scene& scene) {
     else
       last = middle - 1;
   }
-  const PetscInt best = waves.count < 2 ? 0 : fastest(last, multiplier);
+  const PetscInt best = waves.count < 2 ? 0 : PetscInt(fastest_of(1, last, multiplier, true));
   const double growth = best == 0 ? 0 : multiplier(best);
   if (growth < 1 + least_growth) return {0, 0, period, 1};
   return {std::log(growth) / period, waves.k(best), period, growth};

@@ -1,18 +1,19 @@
-"""The calls of a default step, as docs/developers/architecture.md lists them, are those of the source, and at most eight.
+"""The calls of a default step, and those of a growth rate of `boundary`, as docs/developers/architecture.md lists them, are those
+of the source: at most eight calls, and at most six files.
 
-How many a run passes is counted by a unit test (tests/test_fused.cpp).
+How many calls a run passes is counted by a unit test (tests/test_fused.cpp).
 """
 import os
 import re
 
 from calls import SOURCE
 
-MOST = 8
+MOST, MOST_FILES = 8, 6
 
 
-def listed():
+def listed(title):
     with open(os.path.join(SOURCE, "docs/developers/architecture.md"), encoding="utf-8") as page:
-        part = page.read().split("## The way of a step")[1].split("\n## ")[0]
+        part = page.read().split(f"## {title}\n")[1].split("\n## ")[0]
     return re.findall(r"^\d+\. `([\w:()]+)` \(`([\w/.]+)`\)", part, re.MULTILINE)
 
 
@@ -30,13 +31,24 @@ def body_of(name, path):
     return text[found.end():end]
 
 
-def test_the_list_is_that_of_the_source():
-    calls = listed()
-    assert 4 < len(calls) <= MOST, calls
-    way = [("simulate", "study/simulate.cpp")] + calls
-    for (name, path), (following, _) in zip(way[:-2], way[1:-1]):
+def check_calls(way):
+    for (name, path), (following, _) in zip(way, way[1:]):
         called = following.split("::")[-1]
         assert re.search(rf"\b{called}\(", body_of(name, path)), f"{name} (src/{path}) does not call {following}"
+
+
+def test_a_growth_rate_passes_few_files():
+    way = listed("The way of a growth rate")
+    assert way[0][1].startswith("commands/") and body_of(*way[-1]), way
+    assert len({path for _, path in way}) <= MOST_FILES, way
+    check_calls(way)
+
+
+def test_the_list_is_that_of_the_source():
+    calls = listed("The way of a step")
+    assert 4 < len(calls) <= MOST, calls
+    way = [("simulate", "study/simulate.cpp")] + calls
+    check_calls(way[:-1])
     # the loop over nodes is compiled for each set of instructions, and called by a name of the class
     assert "pointwise_(" in body_of(*way[-2])
     assert re.search(r"struct PointwiseOfColumns\b", open(os.path.join(SOURCE, "src", way[-1][1]), encoding="utf-8").read())

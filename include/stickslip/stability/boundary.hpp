@@ -4,11 +4,12 @@
 
 #include <petscsys.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "stickslip/numerics/plane_line.hpp"
+#include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
@@ -46,8 +47,24 @@ std::string place_text(const std::vector<Axis>& axes, double x, double y);
 // A note for each end of a line where no way on was found.
 void note_stuck(const std::string& line, const std::string& why, const std::vector<Axis>& axes,
                 const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes);
-// A note for each interval of `zero`, along which nothing grows or decays.
-void note_zero_growth(const Axis& axis, const std::vector<Bracket>& zero, std::vector<std::string>& notes);
+
+// The zeros of f that samples of it on an axis show: changes of sign, and zeros that f only touches, of which
+// the bracket has no width. Notes tell of intervals along which f is 0; samples right beyond them are added.
+std::vector<Bracket> zeros_shown(const std::function<double(double)>& f, const Axis& axis,
+                                 std::vector<Sample>& samples, std::vector<std::string>& notes);
+
+// A line of zeros in the box, and what is said of it where it stops inside.
+struct LineInBox {
+  std::string line, where;
+  int cells;             // of the lattice on which f is sampled
+  double step;           // the longest
+  double start = 1e-9;   // to which the places to start from are found
+};
+// About `count` points of the line on which f is 0, even along it: those that `at` makes of places of it.
+std::vector<Crossing> zeros_in_box(const PlaneFunction& f, const std::vector<Axis>& axes,
+                                   const LineInBox& asked, PetscInt count,
+                                   const std::function<Crossing(double x, double y)>& at, Samples& samples,
+                                   std::vector<std::string>& notes);
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least
 // |growth| between samples of one sign. `error` of a point: growth rate on a grid of half the spacing over

@@ -15,6 +15,7 @@
 
 #include <complex>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "stickslip/model/linear_point.hpp"
@@ -62,6 +63,31 @@ std::optional<std::complex<double>> rightmost_root(const LinearPoint& medium, do
 // longest. Nothing where no wave has a root.
 std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& waves, double level,
                                         std::int64_t from = 0);
+
+// The wave of first ... last that grows fastest on a motion, where each has to be asked for its growth rate:
+// of all of the first hundred, further on of every fiftieth part; with `neighbours` then of those beside the
+// fastest of these.
+template <class Rate>
+std::int64_t fastest_of(std::int64_t first, std::int64_t last, Rate&& rate, bool neighbours) {
+  constexpr std::int64_t all_of_first = 100, part = 50;
+  std::int64_t best = first;
+  double largest = -std::numeric_limits<double>::infinity();
+  const auto look = [&](std::int64_t j) {
+    const double here = rate(j);
+    if (!(here > largest)) return false;
+    largest = here;
+    best = j;
+    return true;
+  };
+  const auto step_from = [](std::int64_t j) { return j < all_of_first ? 1 : j / part; };
+  for (std::int64_t j = first; j <= last; j += step_from(j)) look(j);
+  for (std::int64_t step = neighbours ? step_from(best) : 1; step > 1;) {
+    step = (step + 1) / 2;
+    while (best + step <= last && look(best + step)) continue;
+    while (best - step >= first && look(best - step)) continue;
+  }
+  return best;
+}
 
 // Whether steady sliding is psi = v: no end is held away from it. And whether the force is the same
 // everywhere too, as friction is.

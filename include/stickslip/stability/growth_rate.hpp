@@ -2,26 +2,26 @@
 // part among the modes that count. With `refine` those are the modes of the continuum, as far as the grid
 // resolves them, and in the chain all; without it every mode of the matrix.
 //
-// A continuum whose nodes are all alike is asked as such (continuum.hpp): the grid plays no part. A chain of
+// A continuum whose nodes are all alike is asked as such (continuum.hpp): no grid plays a part. A chain of
 // equal blocks, and without `refine` a uniform continuum, has the largest over the exact discrete dispersion
-// relation, all modes looked at. Elsewhere the rightmost modes are followed by two-sided Rayleigh steps from
-// one set of parameters to the next, and a count of the modes further right says now and then whether one was
-// missed, which is then sought.
+// relation, all modes looked at. Elsewhere modes are followed and counted (lead.hpp). What lattices and lines
+// ask at many places is followed from the middles of small cells of the box, where it is counted, once.
 #pragma once
 
 #include <petscsys.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
-#include <memory>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/criticality.hpp"
-#include "stickslip/stability/spectrum.hpp"
+#include "stickslip/stability/lead.hpp"
 
 namespace stickslip {
 
@@ -60,39 +60,61 @@ struct Crossing {
   Criticality criticality;       // of a hopf point, once asked for
 };
 
-// A mode with its left eigenvector, as they were where the mode was polished last.
-struct FollowedMode {
-  Mode mode;
-  std::vector<Complex> left;
-};
+// What is asked at places of the box of one or two axes.
+class OnAxes {
+ public:
+  OnAxes(SceneAt scene_at, std::vector<Axis> axes)
+      : scene_at_(std::move(scene_at)), axes_(std::move(axes)) {}
+  const std::vector<Axis>& axes() const { return axes_; }
+  Scene scene(double x, double y = 0) const { return scene_at_(value(0, x), value(1, y)); }
+  // The place with its values, of which nothing else is known.
+  Crossing crossing_at(double x, double y) const;
+  long evaluations() const { return evaluations_; }
+  void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
 
-// The rightmost mode; psi empty where it comes from a dispersion relation.
-struct LeadingMode {
-  Mode mode;
-  bool degenerate = false;  // others have the same growth rate
-};
+ protected:
+  void count_evaluation() {
+    ++evaluations_;
+    if (each_) each_();
+  }
+  // Of a parameter; 0 where there is no such axis.
+  double value(std::size_t axis, double coordinate) const {
+    return axis < axes_.size() ? axes_[axis].value(coordinate) : 0;
+  }
 
-class FollowedModes;
+  SceneAt scene_at_;
+  std::vector<Axis> axes_;
+
+ private:
+  long evaluations_ = 0;
+  std::function<void()> each_;
+};
 
 // Every member that evaluates is collective over comm; every rank gets the same.
-class GrowthRate {
+class GrowthRate : public OnAxes {
  public:
   // Throws what scene_at throws (UsageError) at a corner of the box.
   GrowthRate(MPI_Comm comm, SceneAt scene_at, std::vector<Axis> axes, bool refine = true);
-  GrowthRate(GrowthRate&&) noexcept;
-  ~GrowthRate();
 
-  const std::vector<Axis>& axes() const { return axes_; }
-  Scene scene(double x, double y = 0) const;
-
-  // The leading mode; nothing where there is no steady sliding.
+  // The leading mode, counted, whatever was asked before; nothing where there is no steady sliding.
   std::optional<LeadingMode> leading(double x, double y = 0);
   double operator()(double x, double y = 0);  // its real part, NaN where there is none
+  // For many places: from the modes that were counted in the middle of the cell of the place, with what is
+  // known here. A mode that takes over within the cell may be missed.
+  std::optional<LeadingMode> followed(double x, double y, KnownModes& known);
+  double followed(double x, double y = 0);
+  // From modes known at a place nearby, as lead() takes and leaves them.
+  std::optional<LeadingMode> leading_from(KnownModes& known, double x, double y, bool counted,
+                                          bool only_sign = false);
+  // Counts at a place whose cell may lack modes, and has it know what leads there.
+  void learn(double x, double y = 0);
 
   // The point with its mode polished on the matrix itself. Throws Failure where there is no steady sliding.
   Crossing crossing(double x, double y = 0);
+  Crossing crossing(double x, double y, const std::optional<LeadingMode>& leading) const;
   // Whether stick-slip grows out of that point or sliding loses to it by a jump.
   Criticality criticality(const Crossing& c);
+  Criticality criticality(const Crossing& c, const std::optional<LeadingMode>& leading) const;
   // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid
   // resolves.
   bool vanishes(const Crossing& c) const;
@@ -100,24 +122,10 @@ class GrowthRate {
   // it is a matter of the grid.
   bool near_shortest(const Crossing& c) const;
   // Counts the growing modes at a point (Crossing::complete).
-  void count_growing(Crossing& c);
+  void count_growing(Crossing& c) const;
   // What such a count costs in the middle of the box, roughly in seconds; 0 where none is needed, as all
   // modes are known.
   double count_cost() const;
-  // Seeks the modes that lead those followed, at a place where a count has found some.
-  void seek(double x, double y);
-
-  // Where the parameters have moved by more than `reach` (of the box) from the place of the last count, or
-  // the coefficients by half the oscillation's frequency, the modes found at another place as near are taken
-  // up, or it is counted anew. Never with a reach of 0: for those who count themselves.
-  void count_every(double reach) { reach_ = reach; }
-  // It is counted at the next place, wherever that is.
-  void count_next() { due_ = true; }
-  // Away from its zeros the growth rate need have the right sign only: where a mode followed grows, those
-  // that lead it are not sought, and elsewhere only those that grow.
-  void only_sign(bool yes);
-  // A mode was lost on the way since the last call of this: it is time to count.
-  bool doubtful();
 
   // The same on a grid of half the spacing; nothing in the chain, where the grid is the matter.
   std::optional<GrowthRate> finer() const;
@@ -127,43 +135,35 @@ class GrowthRate {
   // 1024 blocks, or more where its layers are wide. What leads here alone (modes of short waves, those
   // trapped further down the chain) is found when points are placed here.
   std::optional<GrowthRate> reduced() const;
-  // Takes up the modes that another grid's has at (x, y), as guesses.
-  void take_hints(GrowthRate& other, double x, double y);
+  // Modes that another grid's has at (x, y), beside those known here, as guesses.
+  void take_hints(KnownModes& known, const GrowthRate& other, const KnownModes& there, double x,
+                  double y) const;
 
   bool enters() const;  // whether the linear operator changes along the first axis at all
-  long evaluations() const { return evaluations_; }
-  void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
-
  private:
-  struct Place {
-    double x, y;
-    double K0, stiffest;          // A K0 and A (K0 + K1 times the largest kappa^2)
-    std::vector<double> drag, r;  // A beta + A q, with what viscosity does to the shortest wave first; and r
-    std::vector<FollowedMode> found;
+  // What the modes of a place are followed from, and the coefficients there.
+  struct Cell {
+    double K0 = 0, stiffest = 0;  // A K0 and A (K0 + K1 times the largest kappa^2)
+    // A beta + A q, with what viscosity does to the shortest wave first; and r. Empty: no steady sliding.
+    std::vector<double> drag, r;
+    KnownModes known = {};
   };
+  using CellKey = std::array<std::int64_t, 3>;  // halvings of its side, and its place on the axes
   std::optional<LinearisedOperator> linearised(double x, double y) const;
   static bool differ(const std::optional<LinearisedOperator>& a, const std::optional<LinearisedOperator>& b);
-  // the answer without a grid, where there is one
-  std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;
-  bool all_known(const LinearisedOperator& J) const;
-  std::optional<LeadingMode> leading_wave(const LinearisedOperator& J) const;
-  std::optional<LeadingMode> leading_followed(const LinearisedOperator& J, double x, double y);
-  bool take_up_place(const LinearisedOperator& J, const Place& here, bool due);
-  static Place place_of(const LinearisedOperator& J, double x, double y);
-  bool near(const Place& a, const Place& b) const;
+  std::optional<CellKey> cell_about(const LinearisedOperator& J, double x, double y);
+  Cell& cell(const CellKey& key, std::size_t nodes);
+  double side();
+  static Cell coefficients_of(const LinearisedOperator& J);
+  static bool near(const Cell& a, const Cell& b);
   bool grid_suffices(const GrowthRate& coarse) const;
 
   MPI_Comm comm_;
-  SceneAt scene_at_;
-  std::vector<Axis> axes_;
-  bool refine_;
-  std::unique_ptr<FollowedModes> modes_;
-  std::vector<Place> places_;  // of counts, while they take little memory
-  std::optional<Place> modes_at_;
-  double reach_ = 0.04;
-  bool due_ = false, hinted_ = false;
-  long evaluations_ = 0;
-  std::function<void()> each_;
+  LeadSettings settings_;
+  std::map<CellKey, Cell> cells_;  // counted, while they take little memory
+  std::optional<CellKey> latest_;
+  KnownModes recent_;  // where it was counted last: guesses
+  double side_ = 0;
 };
 
 }  // namespace stickslip

@@ -20,7 +20,7 @@ namespace stickslip {
 // fiftieth part. NaN where there is no such oscillation.
 double growth_on_uniform(const Scene& ring);
 
-class MediumLines {
+class MediumLines : public OnAxes {
  public:
   // `pulses`: of the trains. `each` is called before every evaluation.
   MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses, std::function<void()> each);
@@ -42,14 +42,10 @@ class MediumLines {
   const std::vector<TrainSample>& samples() const { return samples_; }  // coordinates on the axes
 
  private:
-  Scene scene(double x, double y) const { return scene_at_(axes_[0].value(x), axes_[1].value(y)); }
   Crossing crossing(double x, double y, const char* of) const;
   void follow_trains(double y, std::vector<TrainLimitLine>& lines, std::vector<std::string>& notes);
 
-  SceneAt scene_at_;
-  std::vector<Axis> axes_;
   PetscInt pulses_;
-  std::function<void()> each_;
   std::vector<double> growth_;
   std::vector<TrainSample> samples_;
 };

@@ -31,7 +31,7 @@ struct CellMotion {
   std::function<std::vector<double>(double value, double value2)> start;
 };
 
-class StickSlipEnd {
+class StickSlipEnd : public OnAxes {
  public:
   // Of the scene's uniform motion, or of the cell's.
   static std::unique_ptr<StickSlipEnd> of(SceneAt scene_at, std::vector<Axis> axes,
@@ -68,27 +68,17 @@ class StickSlipEnd {
   // everywhere.
   const std::vector<double>& samples() const { return samples_; }
   virtual Scene scene(double x, double y = 0) const = 0;  // of one node, or of the cell
-  long evaluations() const { return evaluations_; }
-  void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
 
  protected:
-  StickSlipEnd(SceneAt scene_at, std::vector<Axis> axes)
-      : scene_at_(std::move(scene_at)), axes_(std::move(axes)) {}
-  Scene scene_of_axes(double x, double y) const;
+  using OnAxes::OnAxes;
+  Scene scene_of_axes(double x, double y) const { return OnAxes::scene(x, y); }
   Crossing crossing_at(double x, double y) const;  // the place and its values, of stick-slip
   std::string place_text(double x, double y) const;
   void note_stuck_ends(const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes) const;
-  void count_evaluation();
 
-  SceneAt scene_at_;
-  std::vector<Axis> axes_;
   std::vector<double> samples_;
   std::string unfinished_;
   double most_work_ = 3e8;  // some ten seconds
-
- private:
-  long evaluations_ = 0;
-  std::function<void()> each_;
 };
 
 }  // namespace stickslip
