@@ -3,11 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
+#include "stickslip/stability/uniform_states.hpp"
 
 namespace stickslip {
 
@@ -227,6 +232,123 @@ std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& 
   found.wavenumber = waves.k(found.index);
   found.value = *rightmost_root(medium, waves.kappa2(found.index));
   return found;
+}
+
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+// From this wavenumber on N k^2 outweighs all else.
+double last_that_may_lead(const LinearPoint& medium) {
+  const double drag = std::abs(medium.beta()) + std::abs(medium.q()) / std::max(medium.r(), 1e-300);
+  return 30 * (std::sqrt((drag + std::sqrt(medium.K0 / medium.A)) / medium.N) +
+               (medium.K1 > 0 ? std::sqrt(medium.K0 / medium.K1) : 0));
+}
+
+}  // namespace
+
+double spring_frequency(const LinearisedOperator& s) {
+  const double K = s.scene.form == Form::chain ? s.K0 + s.K1 : s.K0;
+  return K > 0 ? s.rate_of(K) : s.rate;
+}
+double own_rate(const LinearisedOperator& s) {
+  const double w = spring_frequency(s);
+  return w / (1 + damping_scale(s) / w);
+}
+double damping_scale(const LinearisedOperator& s) {
+  return s.scene.massless() ? 0 : std::abs(s.mean().damping());
+}
+
+std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
+  if (s.scene.form != Form::continuum || !s.uniform || s.size() == 0) return std::nullopt;
+  const LinearPoint medium = s.mean();
+  const double level = same_growth(medium);
+  Waves waves = Waves::of_continuum(s.scene, 2);
+  const bool between = s.N > 0 && s.has_state();
+  if (between) waves.count += std::int64_t(std::min(last_that_may_lead(medium) / waves.k(1), 1e12));
+
+  ContinuumLead best;
+  best.growth = -infinite;
+  const auto offer = [&](double k, Complex value) {
+    const double ahead = value.real() - best.growth;
+    if (ahead > level)
+      best = {value.real(), value.imag(), k, false};
+    else if (ahead > -level && k != best.wavenumber)
+      best.degenerate = true;
+  };
+  const std::int64_t lead = between ? fastest_wave(medium, waves, level)->index : 0;
+  for (const std::int64_t j : {lead, lead + 1})  // the second only to tell whether the first is alone
+    offer(waves.k(j), *rightmost_root(medium, waves.kappa2(j)));
+  if (s.N > 0) {
+    offer(infinite, std::max(-s.K1 / s.N, s.has_state() ? -medium.r() : -infinite));
+  } else if (s.K1 > 0) {
+    const double oscillating = -medium.damping() / 2, decaying = s.has_state() ? -medium.r() : -infinite;
+    offer(infinite, oscillating >= decaying ? Complex(oscillating, infinite) : Complex(decaying, 0));
+  }
+  return best;
+}
+
+namespace {
+
+// The fastest wave on uniform sliding at psi. lambda = 0 of the uniform mode is the shift of the whole.
+void find_growth(const Scene& scene, UniformState& u) {
+  Scene sliding = scene;
+  sliding.v = u.psi;
+  const LinearPoint medium = LinearisedOperator(sliding).mean();
+  const auto found = fastest_wave(medium, Waves::of(scene), 1e-3 * same_growth(medium));
+  u.slope = medium.slow_beta();
+  u.growth_rate = found ? found->value.real() : -std::numeric_limits<double>::infinity();
+  u.frequency = found ? found->value.imag() : 0;
+  u.wavenumber = found ? found->wavenumber : 0;
+  u.stable = u.growth_rate < 0;
+}
+
+}  // namespace
+
+bool has_uniform_states(const Scene& s) {
+  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() && !s.medium.varies() &&
+         s.left != End::velocity && s.right != End::velocity;
+}
+
+std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
+  constexpr double lowest = -290, highest = 8, step = 1 / 16.;  // of log10 |psi/unit|
+  const double unit = scales_of(scene).slip.psi;
+  const auto friction = Friction::of(scene.friction);
+  const auto excess = [&](double psi) {
+    return scene.B() * psi + friction->force(psi, friction->steady_state(psi)) - stress;
+  };
+  std::vector<double> found;
+  for (const double sign : {-1., 1.}) {
+    const auto at = [&](double exponent) { return excess(sign * unit * std::pow(10., exponent)); };
+    double before = lowest, f_before = at(before);
+    for (double e = lowest + step; e <= highest; e += step) {
+      const double f = at(e);
+      if (std::isfinite(f) && std::isfinite(f_before) && f != 0 &&
+          (f_before == 0 || (f < 0) != (f_before < 0)))
+        found.push_back(sign * unit * std::pow(10., find_root(at, {before, f_before, e, f}, 0)));
+      before = e;
+      f_before = f;
+    }
+  }
+  const double state = friction->steady_state(0);
+  const bool rest = friction->sticks ? std::abs(stress) <= friction->threshold_at_long_rest()
+                                     : std::isfinite(state) && excess(0) == 0;
+  if (rest) found.push_back(0);
+  std::sort(found.begin(), found.end());
+  std::vector<UniformState> states;
+  for (const double psi : found) {
+    UniformState u;
+    u.psi = psi;
+    u.rests = psi == 0 && friction->sticks;
+    const double s = friction->steady_state(psi);
+    if (friction->has_state && std::isfinite(s)) u.state = state_to_output(scene.friction.state, s);
+    if (u.rests)
+      u.stable = true;
+    else
+      find_growth(scene, u);
+    states.push_back(u);
+  }
+  return states;
 }
 
 }  // namespace stickslip

@@ -1,4 +1,4 @@
-#include "stability/search.hpp"
+#include "stability/modes.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,6 @@
 #include <utility>
 
 #include "base/broadcast.hpp"
-#include "stability/guesses.hpp"
-#include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {

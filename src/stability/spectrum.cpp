@@ -1,19 +1,24 @@
 #include "stickslip/stability/spectrum.hpp"
 
-#include <fmt/format.h>
+#include <slepceps.h>
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <string>
 #include <utility>
 
-#include "stability/closed_form.hpp"
+#include "base/found_until.hpp"
+#include "base/local_values.hpp"
+#include "base/log_stage.hpp"
 #include "stability/modes.hpp"
-#include "stability/search.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
@@ -209,6 +214,227 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
   lead(s, tolerance, error, result);
   look_beyond_grid(s, height, refine && settings.compare, result);
   return result;
+}
+
+ExactModes::ExactModes(const LinearisedOperator& s) : s_(s) {
+  for (const LinearisedOperator::Wave& w : s.exact_waves())
+    for (const Complex& z : dispersion(s.point(0), s.symbol(w.k)))  // all nodes are alike
+      if (z.imag() >= 0) roots_.push_back({z, w.k, w.multiplicity * (z.imag() > 0 ? 2 : 1)});
+  std::sort(roots_.begin(), roots_.end(),
+            [](const Root& a, const Root& b) { return a.value.imag() < b.value.imag(); });
+}
+
+long ExactModes::count(double a, double height) const {
+  long sum = 0;
+  for (const Root& r : roots_)
+    if (r.value.real() > a && r.value.imag() <= height) sum += r.members;
+  return sum;
+}
+
+double ExactModes::distance(const std::vector<Mode>& modes) const {
+  double worst = 0;
+  for (const Mode& m : modes) {
+    const double scale = std::max(std::abs(m.value), s_.rate_of(std::max(s_.K0, 1e-300)));
+    double nearest = std::numeric_limits<double>::infinity();
+    const auto up = std::lower_bound(roots_.begin(), roots_.end(), m.value.imag(),
+                                     [](const Root& a, double y) { return a.value.imag() < y; });
+    for (auto it = up; it != roots_.end() && it->value.imag() - m.value.imag() <= nearest; ++it)
+      nearest = std::min(nearest, std::abs(it->value - m.value));
+    for (auto it = up; it != roots_.begin() && m.value.imag() - (it - 1)->value.imag() <= nearest; --it)
+      nearest = std::min(nearest, std::abs((it - 1)->value - m.value));
+    worst = std::max(worst, nearest / scale);
+  }
+  return worst;
+}
+
+std::vector<Mode> ExactModes::rightmost(double height, std::size_t count) const {
+  std::vector<Root> roots(roots_.begin(), std::find_if(roots_.begin(), roots_.end(), [&](const Root& r) {
+                            return r.value.imag() > height;
+                          }));
+  // without a state the real parts of all oscillating waves are equal to the last bit
+  std::stable_sort(roots.begin(), roots.end(),
+                   [](const Root& a, const Root& b) { return a.value.real() > b.value.real(); });
+  std::vector<Mode> modes(std::min(count, roots.size()));
+  for (std::size_t j = 0; j < modes.size(); ++j) {
+    modes[j].value = roots[j].value;
+    modes[j].psi = s_.wave(roots[j].k);
+  }
+  return modes;
+}
+
+double short_wave_growth(const LinearisedOperator& s) {
+  double sum = 0, length = 0, growth = -std::numeric_limits<double>::infinity();
+  if (s.N > 0) {
+    growth = -s.K1 / s.N;
+    for (std::size_t i = 0; i < s.size() && s.has_state(); ++i) growth = std::max(growth, -s.point(i).r());
+    return growth;
+  }
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    // a held end has no unknown: its half of an interval goes to the node beside it
+    const double extra =
+        !s.scene.ring() && s.coupling.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;
+    sum += (s.coupling.weight[i] + extra) * s.point(i).damping();
+    length += s.coupling.weight[i] + extra;
+    if (s.has_state()) growth = std::max(growth, -s.point(i).r());
+  }
+  return std::max(growth, -sum / length / 2);
+}
+
+// The eigenvalues by SLEPc: all of them, or those near a shift.
+
+namespace {
+
+// re + i im, or re alone.
+std::vector<Complex> entries_of(Vec re, Vec im, bool real) {
+  PetscInt n = 0;
+  SS_TRY(VecGetSize(re, &n));
+  const Reading x(re), y(im);
+  std::vector<Complex> entries;
+  for (PetscInt i = 0; i < n; ++i) entries.emplace_back(x[i], real ? 0. : y[i]);
+  return entries;
+}
+
+// x in units of the entries of a node, or out of them.
+void scale(std::vector<Complex>& x, const std::vector<double>& units) {
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] *= units[i % units.size()];
+}
+
+// psi of an eigenvector of J in those units.
+std::vector<Complex> velocities_of(const LinearisedOperator& s, const std::vector<double>& units,
+                                   std::vector<Complex> x) {
+  scale(x, units);
+  std::vector<Complex> psi(s.size());
+  for (std::size_t i = 0; i < psi.size(); ++i) psi[i] = s.psi_of(&x[i * s.dof()], i);
+  return psi;
+}
+
+}  // namespace
+
+// ---- dense
+// --------------------------------------------------------------------------------------------------------
+
+std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
+  const std::size_t n = s.unknowns(), dof = s.dof();
+  const std::vector<double> units = s.balance();
+  std::vector<double> J(n * n);
+  for (const LinearisedOperator::Entry& e : s.entries())
+    J[e.column * n + e.row] += e.value * (units[e.column % dof] / units[e.row % dof]);
+  const LogStage solving("eigenvalues");
+  constexpr std::size_t takes_a_second = 500;
+  if (n > takes_a_second)
+    announce(
+        fmt::format("all eigenvalues of {} unknowns in one call of LAPACK's, some {:.0f} s, which hears no "
+                    "signal but a second one",
+                    n, std::ceil(7e-9 * std::pow(double(n), 3))),
+        "dense matrices");
+  std::vector<Eigenpair> pairs = eigenpairs(int(n), std::move(J));
+  beat("dense matrices");
+  std::vector<Mode> modes;
+  PetscInt eigenvalues = 0;
+  for (Eigenpair& pair : pairs) {
+    Mode mode;
+    mode.value = pair.value;
+    if (eigenvalues < count) {
+      mode.psi = velocities_of(s, units, std::move(pair.vector));
+      eigenvalues += eigenvalues_of(pair.value);
+    }
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+// ---- krylov
+// -------------------------------------------------------------------------------------------------------
+
+namespace {
+
+struct ShiftedInverse {
+  const LinearisedOperator& J;
+  const std::vector<double> units, per_unit;
+  Complex sigma;
+  BandLU lu;
+};
+
+// y = Re (J - sigma)^-1 x, J balanced: real, with the eigenvectors of J, largest for eigenvalues near sigma
+// and its conjugate.
+PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
+  return guarded([&] {
+    ShiftedInverse* op = nullptr;
+    SS_TRY(MatShellGetContext(M, &op));
+    const Reading in(x);
+    const Writing out(y);
+    const std::size_t n = op->J.unknowns();
+    std::vector<Complex> entries(in + 0, in + n);
+    scale(entries, op->units);
+    std::vector<Complex> image = op->J.resolvent(op->sigma, op->lu, entries);
+    scale(image, op->per_unit);
+    for (std::size_t i = 0; i < n; ++i) out[i] = image[i].real();
+  });
+}
+
+// Nothing where LAPACK gives up: it may fail to put values that nearly coincide in order (trexc).
+std::optional<std::vector<Mode>> modes_near(const LinearisedOperator& s, Complex sigma, PetscInt count) {
+  const PetscInt n = s.unknowns();
+  const std::vector<double> units = s.balance();
+  std::vector<double> per_unit;
+  for (const double unit : units) per_unit.push_back(1 / unit);
+  ShiftedInverse op{s, units, per_unit, sigma, {}};
+  s.factor(sigma, op.lu);
+  MatHandle M;
+  SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &op, M.out()));
+  SS_TRY(MatShellSetOperation(M, MATOP_MULT, reinterpret_cast<void (*)()>(apply_shifted_inverse)));
+  Handle<EPS, EPSDestroy> eps;
+  SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  SS_TRY(EPSSetOperators(eps, M, nullptr));
+  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
+  SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_MAGNITUDE));
+  const PetscInt nev = std::min<PetscInt>(count, n), ncv = std::min<PetscInt>(n, 2 * nev + 12);
+  SS_TRY(EPSSetDimensions(eps, nev, ncv, PETSC_DEFAULT));
+  SS_TRY(EPSSetTolerances(eps, 1e-9, s.size() > many_nodes ? 12 : 60));
+  VecHandle start, im;
+  SS_TRY(MatCreateVecs(M, start.out(), im.out()));
+  {
+    const Writing x(start);
+    Noise noise;
+    for (PetscInt i = 0; i < n; ++i) x[i] = noise.next();
+  }
+  Vec first = start;
+  SS_TRY(EPSSetInitialSpace(eps, 1, &first));
+  SS_TRY(EPSSetFromOptions(eps));
+  const LogStage solving("eigenvalues");
+  try {
+    SS_TRY(EPSSolve(eps));
+  } catch (const RankFailure& e) {
+    if (std::string(e.what()).find("LAPACK subroutine") == std::string::npos) throw;
+    return std::nullopt;
+  }
+  PetscInt found = 0;
+  SS_TRY(EPSGetConverged(eps, &found));
+  std::vector<Mode> modes;
+  for (PetscInt j = 0; j < found; ++j) {
+    PetscScalar a, b;
+    SS_TRY(EPSGetEigenpair(eps, j, &a, &b, start, im));
+    if (b > 0) continue;  // mu is conjugate to lambda, roughly; either member of a pair gives both
+    const std::vector<Complex> vector = entries_of(start, im, b == 0);
+    std::vector<Complex> image = vector;
+    scale(image, units);
+    image = s.multiply(image);
+    scale(image, per_unit);
+    Mode mode;
+    mode.value = inner(vector, image) / inner(vector, vector);
+    mode.psi = velocities_of(s, units, vector);
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+}  // namespace
+
+std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, PetscInt count) {
+  const double aside = 0.01 * (own_rate(s) + std::abs(sigma));
+  for (const Complex& shift : {sigma, sigma + aside, sigma + Complex(aside, 2 * aside)})
+    if (auto modes = modes_near(s, shift, count)) return *std::move(modes);
+  return {};
 }
 
 }  // namespace stickslip
