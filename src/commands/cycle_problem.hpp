@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stickslip/cycles/bloch.hpp"
-#include "stickslip/cycles/branch.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {

@@ -1,4 +1,4 @@
-// Lines of special points of cycles (cycles/branch.hpp) in the unit square of two parameters.
+// Lines of special points of cycles (cycles/cycle.hpp) in the unit square of two parameters.
 //
 // Each point is found on a straight line across: a family of scenes of one parameter, whose cycles start from
 // those of points near by. The line of points is followed as any is (numerics/plane_line.hpp). Nothing
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/cycles/branch.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/numerics/plane_line.hpp"
 
 namespace stickslip {

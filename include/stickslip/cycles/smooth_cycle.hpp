@@ -13,7 +13,6 @@
 #include <optional>
 #include <vector>
 
-#include "stickslip/cycles/branch.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/scene.hpp"

@@ -22,7 +22,6 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/cycles/branch.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/scene.hpp"
 

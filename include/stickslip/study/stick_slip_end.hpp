@@ -4,7 +4,7 @@
 // uniform motion ends where a slip comes back to rest just tangentially (`graze`), or with a state where its
 // cycle meets an unstable one (`fold`); there is a function of the scene whose zeros these are. With smooth
 // friction, and for a cell of several nodes, it ends where the branch of the cycle ceases to attract: `fold`,
-// or `flip`, `torus`, `branch`, and where a slip of a cell grazes rest `graze` (cycles/branch.hpp). Where the
+// or `flip`, `torus`, `branch`, and where a slip of a cell grazes rest `graze` (cycles/cycle.hpp). Where the
 // cycle shrinks to nothing at the Hopf point of sliding there is no second point. What lives on either side
 // is asked of the motion itself.
 //
