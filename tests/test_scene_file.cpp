@@ -82,7 +82,7 @@ TEST_CASE("scene files: what is refused") {
   REFUSED("a 3\n", "s.yaml:1", "no colon");
   REFUSED("gamma\n", "s.yaml:1", "no colon");
   REFUSED("a:3\n", "s.yaml:1", "space is missing");
-  REFUSED("a: b: 3\n", "s.yaml:1", "mapping values are not allowed");
+  REFUSED("a: b: 3\n", "s.yaml:1", "two names on one line; write a: {b: 3}");
   REFUSED("-model_gamma: 3\n", "s.yaml:1", "without its dash");
   REFUSED("- a: 3\n", "s.yaml:1", "list");
   REFUSED("a: 1\n  b: 2\n", "s.yaml:1", "on one line");

@@ -287,7 +287,10 @@ class FitSearch {
   std::optional<Vector> try_residual(const Vector& x) {
     try {
       Vector r = residual(x);
-      if (r.allFinite()) return r;
+      if (!r.allFinite()) return std::nullopt;
+      const double squares = r.squaredNorm();
+      if (!best_ || squares < best_->squares) best_ = {x, squares};
+      return r;
     } catch (const Error& e) {
       if (!e.collective() && ranks_in(PETSC_COMM_WORLD) > 1) throw;
     }
@@ -366,11 +369,7 @@ class FitSearch {
       auto& self = *static_cast<FitSearch*>(context);
       const Vector at = self.plain(self.vector_of(x));
       const auto found = self.try_residual(at);
-      if (found) {
-        self.last_ = {at, *found};
-        const double squares = found->squaredNorm();
-        if (!self.best_ || squares < self.best_->squares) self.best_ = {at, squares};
-      }
+      if (found) self.last_ = {at, *found};
       const Writing to(r);
       const Vector shown = found && self.integrated_ ? self.integral(*found) : found.value_or(Vector());
       for (std::size_t i = 0; i < self.rows_; ++i) to[i] = found ? shown[i] : failed_run;
@@ -577,17 +576,19 @@ Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& bes
     fit.runs = search.runs();
     if (told) told(fit);
   };
+  const auto tell_best = [&] {
+    if (search.best()) tell(*search.best());
+  };
   Pulse::stage("draws");
-  const std::vector<Eigen::VectorXd> places = places_to_begin(search, problem);
+  std::vector<Eigen::VectorXd> places;
+  keeping_what_is_found([&] { places = places_to_begin(search, problem); }, tell_best);
   for (int start = 0; start < problem.starts; ++start) {
     Pulse::stage(fmt::format("start {} of {}", start + 1, problem.starts));
     Eigen::VectorXd x;
     const bool is_led = start % 2 == 1;
     keeping_what_is_found(
         [&] { x = search.minimise(is_led ? search.minimise(places[start], true) : places[start]); },
-        [&] {
-          if (search.best()) tell(*search.best());
-        });
+        tell_best);
     const auto r = search.try_residual(x);
     if (!r) continue;
     ends.push_back({x, r->squaredNorm()});

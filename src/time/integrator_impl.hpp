@@ -238,6 +238,7 @@ class PetscStepper : public Stepper {
   static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept);
   void narrow_errors(Vec u);
   void begin(Vec u, const Asked& asked);
+  bool attempt();
   void repeat();
   bool accepts(Vec u);  // a stage
   int new_rejections();

@@ -323,6 +323,9 @@ void PetscStepper::set_up(const Method& method, bool adaptive, PetscInt most_rej
 // -----------------------------------------------------------------------------------------------------
 
 namespace {
+
+constexpr int most_shortened = 20;  // times that a step is made a quarter as long: 1e12
+
 PetscStepper& stepper_of(TS ts) {
   void* context;
   SS_TRY(TSGetApplicationContext(ts, &context));
@@ -391,10 +394,23 @@ void PetscStepper::begin(Vec u, const Asked& asked) {
   if (narrows_) narrow_errors(u);
   // A rejected step is only ever repeated with a smaller dt, so that this tells whether a value may be asked
   // for.
-  has_kept_ = undoes_ || loop_.keeps(asked.t + asked.h * (1 + 1e-12));
+  // Exponentials lead beyond all numbers within one step that is too long.
+  const bool may_overflow = adaptive_ && model_.friction_law(0).steep;
+  has_kept_ = undoes_ || may_overflow || loop_.keeps(asked.t + asked.h * (1 + 1e-12));
   if (!has_kept_) return;
   if (!kept_) kept_ = model_.create_vector();
   SS_TRY(VecCopy(u, kept_));
+}
+
+// False where the end of the step is not finite: PETSc refuses norms of that, on every rank alike.
+bool PetscStepper::attempt() {
+  try {
+    SS_TRY(TSStep(ts_));
+    return true;
+  } catch (const RankFailure& e) {
+    if (std::string(e.what()).find("not-a-number") == std::string::npos) throw;
+    return false;
+  }
 }
 
 Stepper::Outcome PetscStepper::step(Vec u, const Asked& asked) {
@@ -404,18 +420,25 @@ Stepper::Outcome PetscStepper::step(Vec u, const Asked& asked) {
   PetscInt before, after;
   Outcome outcome{Outcome::taken, asked.t, asked.h, 0, false};
   SS_TRY(TSGetStepRejections(ts_, &before));
-  try {
-    SS_TRY(TSStep(ts_));
-  } catch (const RankFailure& e) {  // PETSc refuses norms of what is not finite, on every rank alike
-    if (std::string(e.what()).find("not-a-number") == std::string::npos) throw;
-    outcome.kind = Outcome::not_finite;
+  int shortened = 0;
+  while (!attempt()) {  // the step's end is not finite: a shorter one, as for any other that is rejected
+    if (!adaptive_ || !has_kept_ || shortened == most_shortened) {
+      outcome.kind = Outcome::not_finite;
+      break;
+    }
+    PetscReal h;
+    SS_TRY(TSGetTimeStep(ts_, &h));
+    SS_TRY(VecCopy(kept_, u));
+    SS_TRY(TSSetTimeStep(ts_, h / 4));
+    SS_TRY(TSRestartStep(ts_));
+    ++shortened;
   }
   TSConvergedReason reason;
   SS_TRY(TSGetConvergedReason(ts_, &reason));
   SS_TRY(TSGetStepRejections(ts_, &after));
   SS_TRY(TSGetTime(ts_, &outcome.t));
   SS_TRY(TSGetTimeStep(ts_, &outcome.next_h));
-  outcome.rejections = int(after - before);
+  outcome.rejections = int(after - before) + shortened;
   if (outcome.kind == Outcome::not_finite) return outcome;
   if (reason < 0)
     outcome.kind = reason == TS_DIVERGED_NONLINEAR_SOLVE ? Outcome::not_solved : Outcome::rejected;

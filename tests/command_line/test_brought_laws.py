@@ -141,8 +141,8 @@ def test_a_run_carries_its_curve():
 @pytest.mark.parametrize("content, parts", [
     ("0 1\n1 0.5\n0.7 0.4\n", (":3", "ascend")), ("0 1\n1e-170 0.9\n1 0.5\n", ("too close together",)),
     ("0 1\n1 0.5\n1 0.4\n", (":3", "each once")), ("# one\n0 1\n", (":2", "one point")),
-    ("0 1\n1 nan\n", (":2", "finite")), ("velocity,force\n0,1\n1,0.5\n", (":1", "begins with #")), ("0 1\n\n1 -0.5\n", (":3", "-0.5")), ("0 1\n1 0.5 3\n", (":2", "columns")),
-    ("", ("no numbers",)), ("\x00\x7f\x01 \x02\n", (":1", "finite")), ("-1 -0.5\n1 0.5\n", (":2", "rest")),
+    ("0 1\n1 nan\n", (":2", "finite")), ("velocity,0\n0,1\n1,0.5\n", (":1, column 1", "words alone is a header")), ("0 1\n\n1 -0.5\n", (":3", "-0.5")), ("0 1\n1 0.5 3\n", (":2", "columns")),
+    ("", ("no row has numbers",)), ("\x00\x7f\x01 \x02\n", (":1", "no text")), ("-1 -0.5\n1 0.5\n", (":2", "rest")),
     ("-1 0.5\n0 1\n1 0.5\n", (":1", "sign")), ("-1 -0.5\n0 1\n", (":2", "positive")), (None, ("cannot be read",)),
     ("0 1\n1 0.5\n1.0000000000001 0.4\n2 0.3\n", ("too close",))])
 def test_bad_curves(content, parts):

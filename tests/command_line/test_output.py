@@ -100,9 +100,9 @@ def foreign_files():
 def test_outputs_refused():
     foreign_files()
     run(*SINE, "-grid_n", 64, "-ts_max_time", 5, "-out_frames", 11, "-out_file", "a.h5")
-    for name in ("notes.txt", "foreign.h5"):
+    for name, why in (("notes.txt", "HDF5 is written"), ("foreign.h5", "not written by this program")):
         before = open(name, "rb").read()
-        check(refused(run("-out_file", name), 2, "out_file", name, "not written by this program"), f"out_file {name}")
+        check(refused(run("-out_file", name), 2, "out_file", name, why), f"out_file {name}")
         check(open(name, "rb").read() == before, f"{name} is untouched")
     check(refused(run("-out_file", "none/a.h5", ranks=2), 2, "out_file", "none"), "out_file in no folder, two ranks")
     check(refused(run("-out_file", "folder"), 2, "out_file", "folder"), "out_file is a folder")
