@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <ctime>
 
 #include "base/shell_word.hpp"
@@ -64,5 +65,14 @@ std::string Provenance::option(const std::string& name) const {
   const auto found = options.find(name);
   return found == options.end() ? "" : found->second;
 }
+
+static std::vector<std::string> kept_readings;
+
+void note_reading(const std::string& line) {
+  if (std::find(kept_readings.begin(), kept_readings.end(), line) == kept_readings.end())
+    kept_readings.push_back(line);
+}
+
+const std::vector<std::string>& readings() { return kept_readings; }
 
 }  // namespace stickslip

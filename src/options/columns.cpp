@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <utility>
 
 #include "base/failure.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/provenance.hpp"
 
 namespace stickslip {
 
@@ -281,9 +280,7 @@ Rows read_columns(const std::string& option, const std::string& given, const std
                   std::size_t least, std::size_t most) {
   Table table(option, given, where);
   Rows read = table.rows(least, most);
-  const std::string words = option + " " + given + ": " + table.said(read);
-  static std::string last;  // a sweep reads its start at each point
-  if (std::exchange(last, words) != words) std::fprintf(stderr, "stickslip: %s\n", words.c_str());
+  note_reading(option + " " + given + ": " + table.said(read));
   return read;
 }
 

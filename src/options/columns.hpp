@@ -20,7 +20,8 @@ bool names_table(const std::string& given, const std::string& where);
 // numbers has; where that is no comma, a comma is a decimal point. Words may stand in quotes. Lines that
 // begin with # or % are comments, # after a blank begins one; rows of words before the numbers are a header.
 // A file that is not there is looked for beside `where`, the scene's file and line that name it.
-// A line on standard error says what was read: how many rows, which columns, whether there is a header.
+// A line among the words that close the command says what was read: how many rows, which columns, whether
+// there is a header.
 // Rows are of `least` to `most` numbers, each of as many as the first. Throws UsageError with the option, the
 // file, the line and the column: cannot be read, no such column, not finite, no row at all.
 Rows read_columns(const std::string& option, const std::string& given, const std::string& where,

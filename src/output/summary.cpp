@@ -155,7 +155,8 @@ void Summary::tell() const {
   else if (path_.empty() && out_file_.empty())
     last += "; nothing is kept without -out_file FILE.h5 or -summary FILE.json";
   std::string text;
-  for (const std::string& line : lines_) text += "stickslip: " + one_line(line) + "\n";
+  for (const std::vector<std::string>* const lines : {&readings(), &lines_})
+    for (const std::string& line : *lines) text += "stickslip: " + one_line(line) + "\n";
   std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
 }
 

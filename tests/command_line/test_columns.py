@@ -6,7 +6,7 @@ import pytest
 
 from calls import check, refused, run, words
 
-BLOCK = "-model_form chain -bc_left free -grid_n 1 -ts_max_time 0.1 "
+BLOCK = "-progress auto -model_form chain -bc_left free -grid_n 1 -ts_max_time 0.1 "
 
 
 def taken(option, given, more=""):

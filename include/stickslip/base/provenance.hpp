@@ -4,6 +4,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 namespace stickslip {
 
@@ -28,5 +29,10 @@ struct Provenance {
 
   std::string option(const std::string& name) const;  // its text, or ""
 };
+
+// What files of the user's were taken for, a line each, for the words that close a command; a repeated line
+// is dropped. Not collective.
+void note_reading(const std::string& line);
+const std::vector<std::string>& readings();
 
 }  // namespace stickslip
