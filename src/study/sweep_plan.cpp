@@ -37,7 +37,7 @@ SweepAxis::SweepAxis(const Options& sweep, int number) {
     const OptionSpec* spec = find_option(name);
     if (spec) name = spec->name;
     if ((!spec && !is_library_option(name)) || is_own(name))
-      throw UsageError("-" + own + " " + quoted(name) + ": no option that a sweep may vary" +
+      throw UsageError("-" + own + " " + stickslip::quoted(name) + ": no option that a sweep may vary" +
                        did_you_mean(nearest_option(name)));
     if (spec && spec->type == OptionType::integer) integer_ = true;
   }
