@@ -113,10 +113,11 @@ def words_of(settings, before=""):
     return words
 
 
-def run(command, *words, ranks=1, **settings):
+def run(command, *words, ranks=1, timeout=None, **settings):
     """Runs a command and returns its summary as a dict: a scene (a file, or a dict) and further words as they are typed,
     options by name; of two values of one option the later holds. Columns that need a file are kept beside out_file under
-    its name, and without one for as long as the command runs. Raises Failed where the exit code is not 0."""
+    its name, and without one for as long as the command runs. Raises Failed where the exit code is not 0, or the command
+    takes more seconds than `timeout`."""
     settings = {name: value for part in [*(scene(word) for word in words if isinstance(word, dict)), settings]
                 for name, value in part.items()}
     with tempfile.TemporaryDirectory() as folder:
@@ -126,7 +127,10 @@ def run(command, *words, ranks=1, **settings):
         out = settings.get("out_file")
         before = os.path.splitext(out)[0] + "-" if out else os.path.join(folder, "")
         line += [*words_of(settings, before), "-progress", "off", "-summary", summary]
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        try:
+            done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=timeout)
+        except subprocess.TimeoutExpired:
+            raise Failed(f"took longer than {timeout:g} s", None) from None
         if done.returncode != 0:
             said = re.search(r"^stickslip: error: (.*)", done.stderr, re.MULTILINE)
             raise Failed(said[1] if said else done.stderr.strip(), done.returncode)

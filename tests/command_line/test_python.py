@@ -90,6 +90,8 @@ def test_columns_and_scenes():
     check(abs(start["psi_max"] - 0.1) < 1e-6, f"a start: {start['psi_max']}")
     with pytest.raises(stickslip.Failed, match="^-model_gamma -3: "):
         stickslip.run("run", block, model_gamma=-3)
+    with pytest.raises(stickslip.Failed, match="^took longer than 0.01 s$"):
+        stickslip.run("run", {**block, "ts_max_time": 1e9}, friction_table=(v, force), timeout=0.01)
 
 
 def test_a_python_without_h5py_says_which_to_take():
