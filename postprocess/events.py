@@ -92,9 +92,15 @@ def write_table(path, paths, runs):
                             for row in zip(*columns))
 
 
-def draw_regions(picture, axes, run, length, spacing, kind):
+def line_of(run):
+    """Length of the line of nodes, and their spacing."""
+    spacing = run["x"][1] - run["x"][0] if len(run["x"]) > 1 else 1
+    return spacing * len(run["x"]), spacing
+
+
+def draw_regions(picture, axes, run, kind):
     """Each event on its region at its time, in the colour of its magnitude."""
-    events, ring = run["events"], run["options"]["bc_left"] == "periodic"
+    (length, spacing), events, ring = line_of(run), run["events"], run["options"]["bc_left"] == "periodic"
     unit, words = MAGNITUDES[kind]
     order = np.argsort(events["magnitude"])
     pieces, sizes = [], []
@@ -114,8 +120,9 @@ def draw_regions(picture, axes, run, length, spacing, kind):
     name_axes(axes, "x", "t")
 
 
-def draw_slip(picture, axes, run, length, plate):
+def draw_slip(picture, axes, run, plate):
     """Slip against time at four places: the mean slip of each event, over its region; in the plate's direction upwards."""
+    length, _ = line_of(run)
     x, events, moments = run["x"], run["events"], signed_moments(run)
     order, ring = np.argsort(events["t"]), run["options"]["bc_left"] == "periodic"
     for colour, part in zip(COLOURS, (0.2, 0.4, 0.6, 0.8)):
@@ -139,15 +146,13 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table
     names = names_of(paths, option)
     draw_curve(picture, curve, runs, names, bounds, kind)
     run, events = runs[0], runs[0]["events"]
-    spacing = run["x"][1] - run["x"][0] if len(run["x"]) > 1 else 1
-    length = spacing * len(run["x"])
-    draw_regions(picture, place, run, length, spacing, kind)
+    draw_regions(picture, place, run, kind)
     times = np.linspace(run["begin"], run["end"], 500)
     gone = run["plate"].shift(times)
     plate = times, np.sign(run["shift"]) * (gone - gone[0])
-    draw_slip(picture, slip, run, length, plate)
+    draw_slip(picture, slip, run, plate)
     order = np.argsort(events["t"])
-    moment.step(events["t"][order], np.cumsum(signed_moments(run)[order]) / length, where="post", lw=1, color=COLOURS[0])
+    moment.step(events["t"][order], np.cumsum(signed_moments(run)[order]) / line_of(run)[0], where="post", lw=1, color=COLOURS[0])
     picture.label(moment, "plate", *moment.plot(*plate, **REFERENCE))
     name_axes(moment, "t", "moment so far over length")
     first = f"map, slip and moment: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""

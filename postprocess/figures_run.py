@@ -111,10 +111,9 @@ def draw_block(file, args):
     return portrait.picture
 
 
-def draw_xt(file, args):
-    if is_block(file) and not args.field:
-        return draw_block(file, args)
-    count, name = complete_frames(file), args.field or "psi"
+def fill_xt(picture, axes, file, name):
+    """A field over place and time, with its bar."""
+    count = complete_frames(file)
     if name not in fields_of(file):
         raise Unusable(f"has no field '{name}' (it has {', '.join(fields_of(file))})")
     t, x, data = file["t"][:count], file["x"][...], file[name]
@@ -134,8 +133,6 @@ def draw_xt(file, args):
         settings = {"cmap": "RdBu_r", "norm": CenteredNorm(centre, max(centre - low, high - centre))}
         words += f"; white: the plate's, v = {centre:g}" if name == "psi" else ""
     outside = (good < low).any(), (good > high).any()
-    picture = Picture(4.6)
-    axes = picture.subplots()
     if len(rows) == 1:
         field, edges = np.repeat(field, 2, axis=0), np.array([t[0], t[0] + 1e-3])
     else:
@@ -150,6 +147,13 @@ def draw_xt(file, args):
     bar.ax.set_ylim(low, high)
     name_axes(axes, place_name(file), "t")
     axes.locator_params(axis="y", nbins=8)
+
+
+def draw_xt(file, args):
+    if is_block(file) and not args.field:
+        return draw_block(file, args)
+    picture = Picture(4.6)
+    fill_xt(picture, picture.subplots(), file, args.field or "psi")
     picture.title(scene_title(file))
     return picture
 

@@ -30,7 +30,7 @@ try:
     import h5py
     import numpy as np
 except ImportError as error:
-    LACKS = f"{sys.executable} has no {error.name}; take that of the system, /usr/bin/python3 (README.md names its packages)"
+    LACKS = f"{sys.executable} has no {error.name}; take that of the system, /usr/bin/python3 (docs/install.md names its packages)"
     if os.path.dirname(os.path.abspath(sys.argv[0])) == os.path.dirname(os.path.abspath(__file__)):
         sys.exit(f"{os.path.basename(sys.argv[0])}: error: {LACKS}")  # a script beside this one
     raise ImportError(LACKS) from None

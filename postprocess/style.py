@@ -111,12 +111,12 @@ class Picture(Figure):
         super().__init__(figsize=given_size or (width, height), layout="constrained", **settings)
         self.placing = Placing(self, matplotlib.rcParams["font.size"])
 
-    def title(self, words, axes=None):
+    def title(self, words, axes=None, **settings):
         """Above all, or above one panel; in as many lines as it takes."""
-        letters = self.get_figwidth() * 139.5 / matplotlib.rcParams["font.size"]  # about two letters in the height of one
+        letters = self.get_figwidth() * 130 / matplotlib.rcParams["font.size"]  # about two letters in the height of one
         width = max(8, int(letters * (axes.get_position().width if axes else 1)))
         lines = "\n".join(line for part in words.split("\n") for line in textwrap.wrap(part, width))
-        (axes.set_title if axes else self.suptitle)(typeset(lines))
+        (axes.set_title if axes else self.suptitle)(typeset(lines), **settings)
 
     def label(self, axes, words, x, y=None, colour=None, **settings):
         """Words beside a curve (a line, or places of the data): where=0 to 1 says where along it they would stand best."""

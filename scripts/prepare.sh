@@ -1,5 +1,5 @@
 # Sourced by ./demo and ./check: installs what is missing and sets the environment. `root` is the source tree.
-# What the packages hold is explained in README.md; keep both lists alike.
+# What the packages hold is explained in docs/install.md; keep both lists alike.
 packages=(g++ cmake ninja-build pkg-config git
           libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libyaml-dev nlohmann-json3-dev
           libfmt-dev libeigen3-dev libboost-dev

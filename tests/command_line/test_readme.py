@@ -1,4 +1,4 @@
-"""Every command of the README's tour and of the study does what a reader expects of it, run as it stands there."""
+"""Every command of the tour and of the study does what a reader expects of it, run as it stands there."""
 import json
 import os
 import re
@@ -45,7 +45,7 @@ def walked(page):
 
 
 def test_tour():
-    summary = walked("README.md")
+    summary = walked("docs/tour.md")
     run = summary("build/stickslip run runs/pacemaker.yaml")
     assert run["regime"] == "stick-slip" and run["warnings"] == [], run["warnings"]
     assert summary("build/stickslip run runs/chain-damped.yaml -out_file")["regime"] == "stick-slip"
