@@ -162,7 +162,7 @@ def make(page):
 def commands(page):
     """The commands that a page prints, in order: those of its blocks, with continued lines and loops joined."""
     shown = page.shown + "\n"
-    blocks = re.findall(r"```sh\n(.*?)```", shown, re.DOTALL) + re.findall(r"(?:^(?: {4,}.*)?\n)+", shown, re.MULTILINE)
+    blocks = re.findall(r"^ *```sh\n(.*?)```", shown, re.DOTALL | re.MULTILINE)
     found = []
     for block in blocks:
         lines = iter(re.sub(r"\\\n\s*", " ", block).splitlines())

@@ -37,8 +37,7 @@ def test_the_page_shows_the_file(name):
     with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         text = page.read()
     with open(os.path.join(SOURCE, "tests", "examples", name), encoding="utf-8") as file:
-        code = "\n".join(("    " + line).rstrip() for line in file.read().splitlines())
-    assert code in text
+        assert f"```cpp\n{file.read()}```\n" in text
 
 
 def test_the_page_shows_the_lines_of_the_source():
@@ -52,7 +51,7 @@ def test_the_page_shows_the_lines_of_the_source():
             source = file.read()
         lines = source[source.index(begin):]
         lines = lines[:lines.index(end) + len(end)]
-        assert name in text and textwrap.indent(textwrap.dedent(lines), "    ") in text, name
+        assert name in text and textwrap.dedent(lines) in text, name
 
 
 def test_where_a_term_stands():
