@@ -25,7 +25,7 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/runs DESTINATION ${share})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/postprocess DESTINATION ${share} USE_SOURCE_PERMISSIONS
         FILES_MATCHING PATTERN "*.py")
 # A script finds its modules where it really lies.
-foreach(script plot events xdmf)
+foreach(script plot events report xdmf)
   file(CREATE_LINK ../${share}/postprocess/${script}.py ${PROJECT_BINARY_DIR}/generated/stickslip-${script} SYMBOLIC)
   install(FILES ${PROJECT_BINARY_DIR}/generated/stickslip-${script} DESTINATION ${CMAKE_INSTALL_BINDIR})
 endforeach()

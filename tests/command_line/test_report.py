@@ -1,0 +1,42 @@
+"""One page about a scene: its numbers are those of the commands that they come from, and what does not apply is named."""
+import json
+import os
+
+from calls import run, scene_file, tool
+
+
+def report(scene, *more):
+    done = tool("report.py", scene, "-o", "r.png", *more)
+    assert done.returncode == 0, done.stderr
+    assert os.path.getsize("r.png") > 20000
+    with open("r.json", encoding="utf-8") as file:
+        return json.load(file), done.stdout
+
+
+def test_numbers_are_those_of_the_commands():
+    scene = scene_file("measured-curve")
+    found, said = report(scene)
+    spectrum, _ = run(scene, command="spectrum")
+    cycle, _ = run(scene, command="cycle")
+    ends, _ = run(scene + " -boundary_parameter model_v -boundary_from 0.02 -boundary_to 0.5 -boundary_of both", command="boundary")
+    assert found["sliding"]["growth_rate"] == spectrum["growth_rate"] and found["sliding"]["stable"] is False
+    assert found["oscillation"]["period"] == cycle["period"]
+    assert [point["value"] for point in found["ends"]["points"]] == [point["value"] for point in ends["points"]]
+    assert found["motion"]["regime"] == "stick-slip"
+    # the branch starts at the scene's cycle and reaches both ends of the range
+    values = [point["value"] for point in found["amplitude"]]
+    assert values == sorted(values) and abs(values[0] - 0.02) < 1e-9 and abs(values[-1] - 0.5) < 1e-9
+    assert found["map"]["at"] == [0.1, 0.5] and found["refused"] == {}, found["refused"]
+    assert f"period {cycle['period']:.6g}" in said
+
+
+def test_a_catalogue_and_what_does_not_apply():
+    found, said = report(scene_file("catalogue"), "--", "-grid_n", "20", "-ts_max_time", "3000")
+    assert found["catalogue"]["events"] > 20 and "events" in said
+    assert "map" in found["refused"] and "No map: " in said
+
+
+def test_a_wrong_scene_is_one_line():
+    done = tool("report.py", "nowhere.yaml")
+    assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith("report.py: error: "), done.stderr
+    assert not os.path.exists("report.pdf")
