@@ -110,4 +110,43 @@ void publish(const std::string& temporary, const std::string& path) {
     throw Failure("cannot write '" + path + "': " + std::strerror(errno));
 }
 
+void replace_file(const std::string& path, const std::function<void(const std::string& name)>& write,
+                  const std::string& suffix, bool to_disk) {
+  const std::string name = hidden_sibling(path, suffix);
+  unlink(name.c_str());
+  try {
+    write(name);
+    if (to_disk) sync(name);
+    publish(name, path);
+  } catch (...) {
+    unlink(name.c_str());
+    throw;
+  }
+}
+
+void replace_file(const std::string& path, const std::string& content, const std::string& suffix,
+                  bool to_disk) {
+  const auto write = [&](const std::string& name) {
+    write_all(Descriptor(name, O_WRONLY | O_CREAT | O_TRUNC, "write"), content.data(), content.size());
+  };
+  replace_file(path, write, suffix, to_disk);
+}
+
 }  // namespace stickslip::paths
+
+namespace stickslip {
+
+std::string shell_word(const std::string& word) {
+  const char* safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
+  if (!word.empty() && word.find_first_not_of(safe) == std::string::npos) return word;
+  std::string out = "'";
+  for (const char c : word) {
+    if (c == '\'')
+      out += "'\\''";
+    else
+      out += c;
+  }
+  return out + "'";
+}
+
+}  // namespace stickslip

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 namespace stickslip::paths {
@@ -47,7 +48,23 @@ void reserve(const std::string& path, double bytes);
 // Throws Failure where a file may not become so long (a limit of the user or of the file system). Empties it.
 void check_length(const std::string& path, double bytes);
 
+// Makes a file anew: write(name) writes it under a hidden name in the same folder, then it is brought to disk
+// and takes the place of what stands at `path`, in one step, so that whoever reads finds the earlier file or
+// the whole new one. Where anything throws, the earlier one stands and nothing is left. `suffix`: of the
+// hidden name; not `to_disk`: it is to outlive the program, but not the machine.
+void replace_file(const std::string& path, const std::function<void(const std::string& name)>& write,
+                  const std::string& suffix = ".tmp", bool to_disk = true);
+void replace_file(const std::string& path, const std::string& content, const std::string& suffix = ".tmp",
+                  bool to_disk = true);
+
 void sync(const std::string& path);                                   // fsync of a file; throws Failure
 void publish(const std::string& temporary, const std::string& path);  // atomic rename; throws Failure
 
 }  // namespace stickslip::paths
+
+namespace stickslip {
+
+// A word as a POSIX shell would need it typed.
+std::string shell_word(const std::string& word);
+
+}  // namespace stickslip

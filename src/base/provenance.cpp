@@ -5,24 +5,11 @@
 #include <algorithm>
 #include <ctime>
 
-#include "base/shell_word.hpp"
+#include "base/paths.hpp"
 #include "revision.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
-
-std::string shell_word(const std::string& word) {
-  const char* safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
-  if (!word.empty() && word.find_first_not_of(safe) == std::string::npos) return word;
-  std::string out = "'";
-  for (const char c : word) {
-    if (c == '\'')
-      out += "'\\''";
-    else
-      out += c;
-  }
-  return out + "'";
-}
 
 namespace {
 

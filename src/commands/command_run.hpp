@@ -10,7 +10,7 @@
 #include "base/found_until.hpp"
 #include "output/table.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/output/output_lock.hpp"
+#include "stickslip/output/reader.hpp"
 #include "stickslip/output/result_file.hpp"
 #include "stickslip/output/summary.hpp"
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <new>
 
-#include "base/lone_process.hpp"
+#include "base/process.hpp"
 #include "base/pulse.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"

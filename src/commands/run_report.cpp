@@ -5,7 +5,7 @@
 #include <csignal>
 
 #include "base/broadcast.hpp"
-#include "base/shell_word.hpp"
+#include "base/paths.hpp"
 #include "commands/run_session.hpp"
 #include "output/carried_frame.hpp"
 #include "output/series.hpp"

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "base/broadcast.hpp"
-#include "base/shell_word.hpp"
+#include "base/paths.hpp"
 #include "commands/command_run.hpp"
 #include "commands/sweep_session.hpp"
 #include "commands/table.hpp"

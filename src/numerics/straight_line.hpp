@@ -21,8 +21,12 @@ class StraightLine {
   }
   double count() const { return count_; }
   double slope() const { return xy_ / xx_; }
-  // Of the squares of x about its mean; of what y is beside the line.
+  double weight() const { return all_; }
+  // Sums of the squares of x and of y about their means, of their products, and of the squares of what y is
+  // beside the line.
   double width() const { return xx_; }
+  double height() const { return yy_; }
+  double product() const { return xy_; }
   double left() const { return std::max(0., yy_ - slope() * xy_); }
   // Variance of y beside the line, for points of equal weight, three or more.
   double variance() const { return left() / (count_ - 2); }

@@ -11,7 +11,7 @@
 #include "base/paths.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
-#include "stickslip/output/gather.hpp"
+#include "stickslip/output/slab.hpp"
 
 namespace stickslip {
 
@@ -53,12 +53,7 @@ void save_frame(const std::string& path, const Frame& frame) {
     for (const auto& [name, values] : frame.fields) fields[name] = values;
     const std::vector<std::uint8_t> bytes = Json::to_cbor(Json::object(
         {{"t", frame.t}, {"form", frame.options.at("model_form")}, {"x", frame.x}, {"fields", fields}}));
-    const std::string temporary = path + ".tmp";
-    std::ofstream file(temporary, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    file.close();
-    if (!file) throw Failure("cannot write '" + path + "'");
-    paths::publish(temporary, path);
+    paths::replace_file(path, std::string(bytes.begin(), bytes.end()), ".tmp", false);
   });
 }
 

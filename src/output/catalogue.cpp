@@ -8,9 +8,9 @@
 
 #include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "output/row_columns.hpp"
-#include "output/rupture.hpp"
+#include "output/regions.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/output/field.hpp"
 
 namespace stickslip {
 

@@ -18,7 +18,6 @@
 #include "base/json.hpp"
 #include "base/paths.hpp"
 #include "base/scatter.hpp"
-#include "output/datasets.hpp"
 #include "output/hdf5_tools.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"

@@ -12,9 +12,8 @@
 #include "base/local_values.hpp"
 #include "model/loops.hpp"
 #include "model/moved_nodes.hpp"
-#include "output/event_loops.hpp"
+#include "output/field_loops.hpp"
 #include "output/node_halo.hpp"
-#include "output/normal_in_step.hpp"
 #include "output/regions.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
@@ -30,6 +29,27 @@ constexpr int most_ids = 1 << 30;          // from here on events under way are 
 constexpr int layout = 3;                  // of what a checkpoint holds of events
 
 using Fields = std::vector<std::vector<double>>;
+
+// The normal load at the beginning, in the middle and at the end of a step, for observers: a step lies in one
+// piece of the load, and where one ends and the next begins N may jump.
+struct NormalInStep {
+  std::array<double, 3> N{1, 1, 1};
+  std::array<double, 2> log_rate{0, 0};  // N'/N at the beginning and at the end
+
+  // From t to t + dt, behind a step that ended at t. By how much ln N has jumped at t.
+  double begin_step(const Load& normal, double t, double dt) {
+    if (!normal.varies()) return 0;
+    const int piece = normal.piece_from(t);
+    const double before = N[2];
+    N = {normal.in_piece(piece, t), normal.in_piece(piece, t + dt / 2), normal.in_piece(piece, t + dt)};
+    log_rate = {normal.slope_in_piece(piece, t) / N[0], normal.slope_in_piece(piece, t + dt) / N[2]};
+    return N[0] == before ? 0 : std::log(N[0] / before);
+  }
+  // At the end of a step that ends at t.
+  void end_at(const Load& normal, double t) {
+    if (normal.varies()) N.fill(normal.before(t));
+  }
+};
 
 // Of all ranks, in order of place; those that go on across a border between two ranks are one.
 std::vector<SlipRegion> of_all_ranks(const std::vector<SlipRegion>& own, MPI_Comm comm, int ranks) {
@@ -64,8 +84,9 @@ struct Events::Impl {
   Frictions friction;
   ForceLoop forces;  // of nodes side by side
   NodeHalo halo;
-  std::vector<Combination> d2;  // rows of N D2, where neighbours have viscosity
-  // then N D2 psi at the beginning, in the middle and at the end of a step
+  // Where neighbours have viscosity: rows of N D2; N D2 psi at the beginning, in the middle and at the end of
+  // a step.
+  std::vector<Combination> d2;
   std::array<std::vector<double>, 3> viscous;
   Regions regions;
   bool with_ruptures, started = false;

@@ -7,9 +7,11 @@
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "numerics/straight_line.hpp"
 #include "output/field_loops.hpp"
 #include "output/forward.hpp"
 #include "stickslip/base/error.hpp"
@@ -218,26 +220,14 @@ double FieldWatch::phase_of(const double* u) {
 std::optional<double> FieldWatch::ring_speed() const {
   const std::size_t count = moments_.size();
   if (count < 4) return std::nullopt;
-  std::vector<double> weight(count);
-  double all = 0, mean_t = 0, mean = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    weight[k] = moments_[std::min(k + 1, count - 1)].t - moments_[k == 0 ? 0 : k - 1].t;
-    all += weight[k];
-    mean_t += weight[k] * moments_[k].t;
-    mean += weight[k] * moments_[k].phase;
-  }
-  mean_t /= all;
-  mean /= all;
-  double tt = 0, tp = 0, square = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    tt += weight[k] * (moments_[k].t - mean_t) * (moments_[k].t - mean_t);
-    tp += weight[k] * (moments_[k].t - mean_t) * (moments_[k].phase - mean);
-  }
-  const double slope = tp / tt;
+  StraightLine line;
   for (std::size_t k = 0; k < count; ++k)
-    square += weight[k] / all * std::pow(moments_[k].phase - mean - slope * (moments_[k].t - mean_t), 2);
+    line.add(moments_[k].t, moments_[k].phase,
+             moments_[std::min(k + 1, count - 1)].t - moments_[k == 0 ? 0 : k - 1].t);
+  const double slope = line.slope();
   // Phases have errors of round-off: a pattern that has moved by less stands, and has no speed.
-  if (!(std::sqrt(square) < 0.3) || std::abs(slope) * (moments_.back().t - moments_.front().t) < 1e-9)
+  const double way = std::abs(slope) * (moments_.back().t - moments_.front().t);
+  if (!(std::sqrt(line.left() / line.weight()) < 0.3) || way < 1e-9)
     return std::nullopt;
   return -slope * model_.scene().length / (2 * M_PI * mode_);
 }
@@ -274,24 +264,13 @@ std::optional<double> FieldWatch::passage_speed() const {
   for (std::size_t begin = 0; begin < n;) {
     std::size_t end = begin + 1;
     while (end < n && std::abs(passed[end] - passed[end - 1]) < largest_climb) ++end;
-    const auto count = double(end - begin);
-    double x = 0, t = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      x += h * double(i) / count;
-      t += passed[i] / count;
-    }
-    double own_xx = 0, own_xt = 0, own_tt = 0;
-    for (std::size_t i = begin; i < end && count > 4; ++i) {
-      const double dx = h * double(i) - x;
-      own_xx += dx * dx;
-      own_xt += dx * (passed[i] - t);
-      own_tt += (passed[i] - t) * (passed[i] - t);
-    }
-    (own_xt > 0 ? up : down) += count > 4 ? count : 0;
-    xx += own_xx;
-    xt += own_xt;
-    tt += own_tt;
-    begin = end;
+    StraightLine climb;
+    for (std::size_t i = std::exchange(begin, end); i < end; ++i) climb.add(h * double(i), passed[i]);
+    if (!(climb.count() > 4)) continue;
+    (climb.product() > 0 ? up : down) += climb.count();
+    xx += climb.width();
+    xt += climb.product();
+    tt += climb.height();
   }
   if (std::max(up, down) < 0.8 * double(n) || xt == 0) return std::nullopt;
   // Root mean squares: what is left beside the line, and the line itself.

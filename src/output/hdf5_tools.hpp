@@ -1,4 +1,5 @@
-// The HDF5 C API with owners and exceptions. Rank 0 only, no parallel HDF5.
+// The HDF5 C API with owners and exceptions, and datasets with units and dimension scales, as every file of
+// this program has them. Rank 0 only, no parallel HDF5.
 #pragma once
 
 #include <hdf5.h>
@@ -9,11 +10,16 @@
 #include <utility>
 #include <vector>
 
+#include "base/paths.hpp"
 #include "base/scatter.hpp"
+#include "stickslip/base/error.hpp"
 #include "stickslip/base/provenance.hpp"
+#include "stickslip/output/field.hpp"
 #include "stickslip/output/reader.hpp"
 
 namespace stickslip::h5 {
+
+// The HDF5 C API with owners and exceptions. Rank 0 only, no parallel HDF5.
 
 // Owner of any HDF5 identifier.
 class Id {
@@ -65,10 +71,10 @@ bool has_attribute(hid_t object, const std::string& name);
 bool exists(hid_t file, const std::string& path);
 Id open_group(hid_t file, const std::string& group);  // throws Failure where there is none
 // Of numbers that lie in the file itself; nothing where there is no such dataset. Throws Failure where its
-// values are elsewhere (external storage, virtual datasets), are no numbers, or lie in chunks of more than 64
-// MB.
+// values are elsewhere (external storage, virtual datasets), are no numbers, or lie in chunks of more than
+// 64 MB.
 Id open_dataset(hid_t file, const std::string& path);
-// that may be read of it: one a byte, or 2^24 where it is shorter (compressed)
+// How many values may be read of a file: one a byte, or 2^24 where it is shorter (compressed).
 hsize_t most_values(hid_t file);
 // These throw Failure where the attribute is missing or of another type.
 std::string read_text_attribute(hid_t object, const std::string& name);
@@ -76,9 +82,9 @@ double read_real_attribute(hid_t object, const std::string& name);
 std::int64_t read_integer_attribute(hid_t object, const std::string& name);
 
 std::vector<hsize_t> extents(hid_t dataset);
-// the whole dataset
+// The whole dataset.
 std::vector<double> read_reals(hid_t file, const std::string& name);
-// of (t) or (t, x)
+// Rows of a dataset of (t) or (t, x).
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);
 // Of (t, x), so many columns of so many rows; of (x), the rows.
 std::vector<double> read_block(hid_t dataset, hsize_t row, hsize_t rows, hsize_t column, hsize_t columns);
@@ -102,5 +108,39 @@ bool survives(const std::function<void()>& act);
 void write_header(hid_t file, const Provenance& provenance, const std::string& kind);
 FileHeader read_header(hid_t file);  // throws Failure where the file is not ours
 void broadcast(FileHeader& header);  // collective on PETSC_COMM_WORLD
+
+// Datasets with units and dimension scales, as every file of this program has them. Rank 0 only.
+
+// A new dataset, its groups made where they are missing; an old one of the name is a mistake in the program.
+// All of these throw Failure.
+Id create_dataset(hid_t file, const std::string& name, hid_t type, hid_t space, hid_t creation, hid_t access);
+// No times in the headers: with them every write would change more than the extents.
+Id dataset_creation();
+// Attributes units and long_name, where there are any.
+void describe(hid_t dataset, const Field& field);
+// Doubles, row-major, written at once; no dims: a scalar.
+Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
+               const std::vector<double>& values);
+// Doubles along x, made piece by piece: a long list is never held.
+Id write_line(hid_t file, const Field& field, hsize_t size, const std::function<double(std::int64_t)>& at);
+void make_scale(hid_t dataset, const std::string& name);
+void attach_scale(hid_t dataset, hid_t scale, unsigned dimension);
+
+// Errors name the file that the user knows: no temporary one, and not none.
+template <class Body>
+void naming(const std::string& path, Body&& body) {
+  try {
+    body();
+  } catch (const Failure& e) {
+    std::string text = e.what();
+    for (const char* suffix : {".tmp", ".new"}) {
+      const std::string hidden = paths::hidden_sibling(path, suffix);
+      const std::size_t at = text.find(hidden);
+      if (at != std::string::npos) text.replace(at, hidden.size(), path);
+    }
+    if (text.find("'" + path + "'") == std::string::npos) text = "cannot write '" + path + "': " + text;
+    throw Failure(text);
+  }
+}
 
 }  // namespace stickslip::h5

@@ -7,12 +7,11 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "base/log_event.hpp"
+#include "base/log_stage.hpp"
 #include "output/field_watch.hpp"
 #include "output/forward.hpp"
 #include "output/regime_classifier.hpp"
 #include "output/repeats.hpp"
-#include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scales.hpp"

@@ -1,7 +1,10 @@
 #include "output/regions.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
+
+#include "numerics/straight_line.hpp"
 
 namespace stickslip {
 
@@ -103,6 +106,34 @@ void Regions::end(int id) {
   by_left_.erase(node->second.event.left);
   by_right_.erase(right(node->second.event));
   live_.erase(node);
+}
+
+namespace {
+
+constexpr PetscInt passed_over = 3, fewest = 6;
+
+}  // namespace
+
+Front front_of(const SlipEvent& event, const Scene& scene, int side) {
+  const Front none{NAN, NAN};
+  const std::vector<double>& times = event.rupture;
+  const PetscInt n = scene.n, count = PetscInt(times.size()), at = (event.first - event.left + n) % n;
+  const bool whole_ring = scene.ring() && count == n;
+  const auto time = [&](PetscInt away) { return times[std::size_t((at + side * away + n) % n)]; };
+  PetscInt last = side > 0 ? count - 1 - at : at;  // nodes on that side
+  if (whole_ring) {
+    const PetscInt latest = PetscInt(std::max_element(times.begin(), times.end()) - times.begin());
+    const PetscInt to_the_right = (latest - at + n) % n;
+    last = side > 0 ? to_the_right : n - 1 - to_the_right;
+  }
+  const PetscInt nodes = last - passed_over;
+  if (nodes < fewest) return none;
+  const double spacing = scene.form == Form::chain ? 1 : scene.h(), first_time = time(passed_over + 1);
+  StraightLine line;
+  for (PetscInt k = passed_over + 1; k <= last; ++k)
+    line.add(time(k) - first_time, side * spacing * double(k));
+  if (!(line.width() > 0)) return none;
+  return {line.slope(), std::sqrt(line.variance() / line.width())};
 }
 
 }  // namespace stickslip

@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "stickslip/model/scene.hpp"
 #include "stickslip/output/events.hpp"
 
 namespace stickslip {
@@ -25,7 +26,7 @@ struct Before {
 };
 
 struct LiveEvent {
-  // left and count: its region. What it adds up, and its slip, are of this rank's nodes until it ends
+  // Its left and count are the region; its sums and its slip are those of this rank's nodes until it ends.
   SlipEvent event;
   double kinetic_now = 0;
   bool moves = false;
@@ -57,7 +58,7 @@ class Regions {
   // All nodes of it begin to move at t, and none of them lies in a region: they join the region beside them,
   // which becomes one with another on their other side, or else are one from now on. Returns the number of
   // the event that they are part of; events are numbered as they begin, and of two that become one the later
-  // number stays. asked where an event begins, on every rank
+  // number stays. `before` is asked where an event begins, on every rank.
   using Remember = std::function<std::shared_ptr<const Before>()>;
   int claim(const SlipRegion& stretch, double t, const Remember& before);
   bool holds(int id, PetscInt node) const;
@@ -94,5 +95,18 @@ void Regions::for_nodes(int id, PetscInt first, PetscInt count, const Body& body
     for (PetscInt i = std::max(left - first, PetscInt(0)); i < std::min(left + e.count - first, count); ++i)
       body(i);
 }
+
+// Fronts of a slip event, from the times at which its nodes first slip.
+
+// NaN where there is none.
+struct Front {
+  double speed, error;
+};
+
+// The front that runs from the first node of the event to one side (1: towards larger x; -1): the slope of
+// place against rupture time, by least squares over the nodes beyond the first three on that side, with its
+// standard error. None with fewer than six nodes there, or where all of them begin at once. Where the region
+// is a whole ring, the sides meet at the node that begins last, which belongs to the right one.
+Front front_of(const SlipEvent& event, const Scene& scene, int side);
 
 }  // namespace stickslip

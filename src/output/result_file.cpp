@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/paths.hpp"
-#include "output/datasets.hpp"
+#include "output/hdf5_tools.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 
@@ -161,21 +161,14 @@ void ResultFile::Contents::write(hid_t file) const {
 void ResultFile::write() {
   if (path_.empty()) return;
   on_root(comm_, [&] {
-    const std::string path = paths::resolved(path_), temporary = paths::hidden_sibling(path);
-    unlink(temporary.c_str());
-    h5::naming(path, [&] {
-      try {
-        Id file = h5::create_file(temporary, contents_->bytes());
-        h5::write_header(file, provenance_, provenance_.command);
-        contents_->write(file);
-        if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0 || H5Fclose(file.release()) < 0) h5::fail("write", path);
-        paths::sync(temporary);
-        paths::publish(temporary, path);
-      } catch (...) {
-        unlink(temporary.c_str());
-        throw;
-      }
-    });
+    const std::string path = paths::resolved(path_);
+    const auto write = [&](const std::string& name) {
+      Id file = h5::create_file(name, contents_->bytes());
+      h5::write_header(file, provenance_, provenance_.command);
+      contents_->write(file);
+      if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0 || H5Fclose(file.release()) < 0) h5::fail("write", path);
+    };
+    h5::naming(path, [&] { paths::replace_file(path, write); });
   });
 }
 

@@ -11,7 +11,7 @@
 #include "base/broadcast.hpp"
 #include "base/paths.hpp"
 #include "base/scatter.hpp"
-#include "output/datasets.hpp"
+#include "output/hdf5_tools.hpp"
 #include "output/run_table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
@@ -230,22 +230,6 @@ struct RunFile::Impl {
     }
   }
 
-  // The rows in memory; `last`: as there.
-  void write_rows(const std::vector<const double*>* last) {
-    const Put put = is_root() ? direct() : Put();
-    collect(
-        comm, [&](const Give& give) { give_frames(give, last); },
-        [&](const Piece& p, const double* values) {
-          tables[0].columns[std::size_t(p.list)].put(hsize_t(p.row), hsize_t(p.rows), hsize_t(p.first),
-                                                     hsize_t(p.count), values, put);
-        });
-    by_root([&] {
-      for (const Table& table : tables) table.write_pending(put);
-      show_rows();
-    });
-    if (!is_root()) tables[0].advance();
-  }
-
   void show_rows() {
     for (Table& table : tables) table.advance();
     if (!replacing.empty()) {
@@ -278,7 +262,18 @@ struct RunFile::Impl {
     const double begin = now();
     try {
       by_root([&] { make_room(); });
-      h5::naming(path, [&] { write_rows(last); });
+      const Put put = is_root() ? direct() : Put();
+      const auto give = [&](const Give& to) { give_frames(to, last); };
+      const auto write = [&](const Piece& p, const double* values) {
+        tables[0].columns[std::size_t(p.list)].put(hsize_t(p.row), hsize_t(p.rows), hsize_t(p.first),
+                                                   hsize_t(p.count), values, put);
+      };
+      h5::naming(path, [&] { collect(comm, give, write); });
+      by_root([&] {
+        for (const Table& table : tables) table.write_pending(put);
+        show_rows();
+      });
+      if (!is_root()) tables[0].advance();
     } catch (...) {
       broken = true;
       abandon();

@@ -4,7 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "output/datasets.hpp"
+#include "output/hdf5_tools.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip::h5 {

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "output/cluster_rows.hpp"
-#include "output/row_columns.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/displacement.hpp"
+#include "stickslip/output/field.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/probe.hpp"
 

@@ -192,15 +192,9 @@ void Summary::write_from_here() const {
     throw Failure("cannot write the summary to '" + (path_ == "-" ? "standard output" : path_) +
                   "': " + e.what());
   }
-  const std::string target = paths::resolved(path_);
-  const std::string temporary = paths::hidden_sibling(target, "." + std::to_string(getpid()) + ".tmp");
   try {
-    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), json.data(),
-                     json.size());
-    paths::sync(temporary);
-    paths::publish(temporary, target);
+    paths::replace_file(paths::resolved(path_), json, "." + std::to_string(getpid()) + ".tmp");
   } catch (const Failure& e) {
-    unlink(temporary.c_str());
     throw Failure("cannot write the summary to '" + path_ + "': " + e.what());
   }
 }

@@ -22,7 +22,6 @@
 namespace stickslip {
 
 // ---- rows
-// ---------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -137,7 +136,7 @@ std::vector<const SweepTable::Column*> SweepTable::ordered() const {
   std::sort(order.begin(), order.end(), [](const Column* a, const Column* b) {
     return std::pair(a->point, a->place) < std::pair(b->point, b->place);
   });
-  // known of every point, so first; how long it took depends on the machine
+  // How long a point took depends on the machine, so it comes last; all else is known of every point.
   std::stable_partition(order.begin(), order.end(), [](const Column* c) { return c->key != "wall_s"; });
   return order;
 }
@@ -151,7 +150,6 @@ std::vector<std::size_t> SweepTable::by_point() const {
 }
 
 // ---- the table
-// ----------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -250,16 +248,7 @@ void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::
 }
 
 void SweepTable::write_csv(const std::string& path, const SweepLayout& layout) const {
-  const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);
-  const std::string lines = csv(layout);
-  try {
-    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(),
-                     lines.size());
-    paths::publish(temporary, target);
-  } catch (...) {
-    unlink(temporary.c_str());
-    throw;
-  }
+  paths::replace_file(paths::resolved(csv_beside(path)), csv(layout), ".tmp", false);
 }
 
 void SweepTable::write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
@@ -282,15 +271,13 @@ void SweepTable::write(const std::string& path, const Provenance& provenance, co
   file.add({"number", "1", "number of the point, also in the names of its files"}, dimensions, number);
   std::set<std::string> taken(dimensions.begin(), dimensions.end());
   for (const SweepLayout::Axis& axis : layout.axes) taken.insert(axis.name);
-  for (const Column* column : ordered())
-    // else the option itself, which is there
+  for (const Column* column : ordered())  // what is taken is the option itself, which is there already
     if (taken.count(column->key) == 0) add_column(file, *column, dimensions, row);
   write_csv(path, layout);  // first: where the results say that the sweep is whole, so is it
   file.write();
 }
 
 // ---- journals
-// -----------------------------------------------------------------------------------------------------
 
 namespace {
 

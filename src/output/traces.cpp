@@ -1,4 +1,4 @@
-#include "output/traces.hpp"
+#include "output/regime_classifier.hpp"
 
 #include <algorithm>
 #include <array>

@@ -8,6 +8,8 @@
 
 #include <vector>
 
+#include "base/local_values.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/observer.hpp"
@@ -37,6 +39,21 @@ class Travel : public Observer {
   double until_ = 0;                         // counted
   std::vector<double> chi_, eta_;            // at the start, of this rank's nodes
   std::vector<double> slip_, before_, now_;  // at the end and the beginning of that step, and within it
+};
+
+// How far the nodes slip in a part of a step, from its dense output.
+class SlipOfStep {
+ public:
+  explicit SlipOfStep(const Model& model) : model_(model), work_(model.create_vector()) {}
+
+  // Of an unknown (0: psi, 1: eta) over this rank's nodes, at a time of the step. Collective.
+  double sum_at(const ObservedStep& step, double t, int unknown);
+  // The integral of psi over this rank's nodes and from one time of the step to another. Collective.
+  double between(const ObservedStep& step, double from, double to);
+
+ private:
+  const Model& model_;
+  VecHandle work_;
 };
 
 }  // namespace stickslip

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "base/broadcast.hpp"
-#include "base/memory.hpp"
+#include "base/process.hpp"
 #include "output/field_watch.hpp"
 #include "output/frames.hpp"
 #include "output/rest_fraction.hpp"

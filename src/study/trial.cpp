@@ -10,13 +10,13 @@
 #include <utility>
 
 #include "base/broadcast.hpp"
-#include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
-#include "stickslip/output/gather.hpp"
+#include "stickslip/output/slab.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
 #include "study/simulate.hpp"
+#include "study/step_forecast.hpp"
 
 namespace stickslip {
 

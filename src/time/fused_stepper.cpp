@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "base/broadcast.hpp"
-#include "base/log_event.hpp"
+#include "base/log_stage.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 

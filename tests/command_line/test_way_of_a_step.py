@@ -1,5 +1,5 @@
-"""The calls of a default step, and those of a growth rate of `boundary`, as docs/developers/architecture.md lists them, are those
-of the source: at most eight calls, and at most six files.
+"""The calls of a default step, those of a frame and those of a growth rate of `boundary`, as docs/developers/architecture.md
+lists them, are those of the source: at most eight calls, six calls, and six files.
 
 How many calls a run passes is counted by a unit test (tests/test_fused.cpp).
 """
@@ -8,7 +8,7 @@ import re
 
 from calls import SOURCE
 
-MOST, MOST_FILES = 8, 6
+MOST, MOST_FILES, MOST_OF_A_FRAME = 8, 6, 6
 
 
 def listed(title):
@@ -52,3 +52,15 @@ def test_the_list_is_that_of_the_source():
     # the loop over nodes is compiled for each set of instructions, and called by a name of the class
     assert "pointwise_(" in body_of(*way[-2])
     assert re.search(r"struct PointwiseOfColumns\b", open(os.path.join(SOURCE, "src", way[-1][1]), encoding="utf-8").read())
+
+
+def test_the_way_of_a_frame_is_that_of_the_source():
+    calls = listed("The way of a frame")
+    assert 4 < len(calls) <= MOST_OF_A_FRAME, calls
+    way = [("Frames::write", "output/frames.cpp")] + calls
+    # what flush() hands to collect(), and direct() to put(), is called by those
+    from_hand = {"collect": calls[1], "RunFile::Impl::give_frames": calls[1], "Column::put": ("direct", calls[1][1])}
+    for caller, (following, _) in zip(way[:-1], way[1:]):
+        called = following.split("::")[-1]
+        name, path = from_hand.get(caller[0], caller)
+        assert re.search(rf"\b{called}\(", body_of(name, path)), f"{name} (src/{path}) does not call {following}"

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <petscsys.h>
+#include <petscvec.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -46,6 +47,26 @@ class Slab {
   std::size_t owned_ = 0, kept_ = 0;
   bool gathered_ = false;              // rank 0 has the cell
   std::vector<int> counts_, offsets_;  // of the ranks, for that
+};
+
+// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back: for files, which rank
+// 0 writes.
+class Gather {
+ public:
+  Gather(Vec like, PetscInt dof);
+  // The components, each one value a node, on rank 0; empty vectors elsewhere. Valid until the next call.
+  // Collective.
+  const std::vector<std::vector<double>>& components(Vec v);
+  // The whole vector as it stands, on rank 0. Collective.
+  std::vector<double> interleaved(Vec v);
+  // The inverse of interleaved(): `values` of rank 0 into v. Collective.
+  void spread(const std::vector<double>& values, Vec v);
+
+ private:
+  MPI_Comm comm_;
+  std::vector<int> first_, count_;  // of each rank
+  std::size_t size_;                // of all
+  std::vector<std::vector<double>> components_;
 };
 
 }  // namespace stickslip
