@@ -22,25 +22,37 @@ TEST_CASE("work is counted by every budget about it", "[budget][serial]") {
 }
 
 TEST_CASE("a search for ends of stick-slip ends where its work is done", "[budget][serial]") {
-  Scene pair;
-  pair.form = Form::chain;
-  pair.order = 2;
-  pair.n = 2;
-  pair.length = 2;
-  pair.left = pair.right = End::free;
-  pair.friction.law = Law("carlson-langer");
-  pair.spread = 0.1;
-  const SceneAt at = [pair](double v, double) {
-    Scene there = pair;
-    there.v = v;
-    return there;
+  struct Friction {
+    const char *law, *state;
+    double viscosity;
   };
-  const CellMotion cell{at, [](double, double) { return std::vector<double>{0.3, 0, 0.2, 0.1}; }};
-  const auto search = StickSlipEnd::of(at, {Axis{"v", 0.2, 1.2}}, cell);
-  search->allow(1e4);
-  std::vector<std::string> notes;
-  CHECK(search->points(notes).empty());
-  REQUIRE(!notes.empty());
-  CHECK(notes[0].find("budget of 1e+04 evaluations") != std::string::npos);
-  CHECK(search->unfinished() == notes[0]);
+  for (const Friction& f : {Friction{"carlson-langer", "none", 0.1}, Friction{"lugre", "bristles", 0},
+                            Friction{"rate-and-state", "ageing", 0}}) {
+    CAPTURE(f.law);
+    Scene pair;
+    pair.form = Form::chain;
+    pair.order = 2;
+    pair.n = 2;
+    pair.length = 2;
+    pair.left = pair.right = End::free;
+    pair.friction.law = Law(f.law);
+    pair.friction.state = StateLaw(f.state);
+    pair.spread = 0.1;
+    pair.nu = f.viscosity;
+    const SceneAt at = [pair](double v, double) {
+      Scene there = pair;
+      there.v = v;
+      return there;
+    };
+    std::vector<double> start{0.3, 0, 0.2, 0.1};
+    if (pair.friction.has_state()) start = {0.3, 0, 0.1, 0.2, 0.1, 0.1};
+    const CellMotion cell{at, [start](double, double) { return start; }};
+    const auto search = StickSlipEnd::of(at, {Axis{"v", 0.2, 1.2}}, cell);
+    search->allow(1e4);
+    std::vector<std::string> notes;
+    CHECK(search->points(notes).empty());
+    REQUIRE(!notes.empty());
+    CHECK(notes.back().find("budget of 1e+04 evaluations") != std::string::npos);
+    CHECK(search->unfinished() == notes.back());
+  }
 }
