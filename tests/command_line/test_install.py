@@ -75,7 +75,7 @@ def test_installed():
     dead = []
     for page in [os.path.join(book, "README.md"), *glob.glob(os.path.join(book, "docs", "**", "*.md"), recursive=True)]:
         with open(page, encoding="utf-8") as file:
-            targets = re.findall(r"\]\(([^)\s#]+)[^)]*\)", re.sub(r"^(    |```).*$", "", file.read(), flags=re.MULTILINE))
+            targets = re.findall(r"\]\(([^)\s#]+)[^)]*\)", re.sub(r"^```.*?^```$|^    .*?$", "", file.read(), flags=re.MULTILINE | re.DOTALL))
         dead += [f"{page}: {target}" for target in targets
                  if not re.match("https?:", target) and not os.path.exists(os.path.join(os.path.dirname(page), target))]
     check(not dead, f"dead links: {dead}")
