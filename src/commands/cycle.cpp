@@ -134,7 +134,7 @@ Columns<CycleResults> keys() {
              {"branch", "",
               "with `-cycle_continue`: the `parameter`, the `points` and how it came to an `end`", branch_of},
              {"special", "",
-              "points of the branch at which something changes ([oscillations.md](oscillations.md#branches))",
+              "points of the branch at which something changes ([Oscillations](oscillations.md#branches))",
               [](A a) { return a.branch ? list_of(special_table(), a.branch->special) : Json(); }}};
 }
 

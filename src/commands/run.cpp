@@ -221,7 +221,7 @@ std::vector<SummaryKey> observed_keys() {
        "with `out_maxima`: the last maxima of psi there, in order, minima where v < 0 (of the motion in "
        "the plate's "
        "direction, as for its mirror image)"},
-      {"maxima_period", "1", "after how many they repeat, 0: they do not ([sweep.md](sweep.md))"},
+      {"maxima_period", "1", "after how many they repeat, 0: they do not ([Sweeps](sweep.md))"},
       {"maxima_prominence", "length/time",
        "by so much at least psi rises to each of them and falls from it: a thousandth of its range there, or "
        "ten "
@@ -232,8 +232,8 @@ std::vector<SummaryKey> observed_keys() {
        "with `-accuracy` and data that do not fit one held end: psi jumps at `x` by `height` (behind less "
        "ahead; null once "
        "the jump has met the other end), and the error is that of psi outside `from` to `to` "
-       "([accuracy.md](accuracy.md#beside-a-jump))"},
-      {"events", "1", "slip events that ended, with `out_events` ([events.md](events.md))"},
+       "([Accuracy](accuracy.md#beside-a-jump))"},
+      {"events", "1", "slip events that ended, with `out_events` ([Events](events.md))"},
       {"largest_moment", "length^2", "of them: the largest moment"},
       {"largest_extent", "1", "the most nodes that moved in one"},
       {"b", "1",
@@ -249,7 +249,7 @@ std::vector<SummaryKey> observed_keys() {
       {"lyapunov", "1/time",
        "with `lyapunov_count`: Lyapunov exponents, largest first: `value` (null: -infinity, a rest takes the "
        "direction "
-       "away) and `error` ([oscillations.md](oscillations.md#chaos-lyapunov-exponents-beside-a-run))"},
+       "away) and `error` ([Oscillations](oscillations.md#chaos-lyapunov-exponents-beside-a-run))"},
       {"lyapunov_largest", "1/time", "the first of them"},
       {"lyapunov_largest_error", "1/time", "its error"},
       {"lyapunov_dimension", "1",
@@ -260,7 +260,7 @@ std::vector<SummaryKey> observed_keys() {
       {"accuracy", "",
        "with `-accuracy`: what was `wanted`, and `of` what; its `value` (psi and eta of a probe, or the "
        "number; null for "
-       "fields); what was chosen and spent ([accuracy.md](accuracy.md#accuracy-on-request))"}};
+       "fields); what was chosen and spent ([Accuracy](accuracy.md#accuracy-on-request))"}};
 }
 
 std::vector<SummaryKey> run_keys() {

@@ -54,7 +54,7 @@ std::vector<SummaryKey> common_quantities() {
       {"options", "", "every option that counts, as text, defaults included; a number with all its digits"},
       {"model_form", "", "`continuum` or `chain`"},
       {"delta_sign", "",
-       "`derived` or `printed` ([theory.md](theory.md)); null for the chain, which has no delta"},
+       "`derived` or `printed` ([Theory](theory.md)); null for the chain, which has no delta"},
       {"ranks", "1", "processes"},
       {"wall_s", "s", "seconds on the wall clock"},
       {"files", "", "what was written"}};

@@ -27,7 +27,7 @@ def pages():
 def test_reading_order():
     order = list(dict.fromkeys(re.findall(r"\]\(([\w/-]+\.md)\)", text("docs/README.md"))))
     assert sorted(order + ["README.md"]) == pages()
-    assert ["README.md"] + order == re.findall(r"([\w/-]+\.md)$", text("docs/site.yml.in"), re.MULTILINE)
+    assert ["README.md"] + order == re.findall(r" ([\w/-]+\.md)$", text("docs/site.yml.in"), re.MULTILINE)
 
 
 def anchors(page):
@@ -50,10 +50,18 @@ def test_links_and_pictures():
     assert not missing
 
 
+def test_links_have_names():
+    """A link says what it leads to, and not in which file that is; the site's list of pages has a name for each."""
+    files = [f"{page}: {shown}" for page in map("docs/{}".format, pages())
+             for shown in re.findall(r"\[[\w/-]+\.md\]\([^)]*\)", text(page))]
+    assert not files
+    assert len(re.findall(r"^ +- [A-Z][\w ]+: [\w/-]+\.md$", text("docs/site.yml.in"), re.MULTILINE)) == len(pages())
+
+
 def rendered(folder):
     """The pages as HTML in a folder, by mkdocs' own converter and extensions, beside their pictures."""
     for name in pages():
-        html = markdown.markdown(text(os.path.join("docs", name)), extensions=["toc", "tables", "fenced_code"])
+        html = markdown.markdown(text(os.path.join("docs", name)), extensions=["toc", "tables", "fenced_code", "sane_lists"])
         path = os.path.join(folder, name[:-len("md")] + "html")
         os.makedirs(os.path.dirname(path), exist_ok=True)
         with open(path, "w", encoding="utf-8") as file:
