@@ -7,11 +7,13 @@
 #include <petscblaslapack.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <functional>
 
 #include "catch.hpp"
+#include "model/kernel.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
@@ -372,6 +374,44 @@ TEST_CASE("Newton's steps of rate-and-state friction converge from anywhere", "[
       }
     });
   }
+}
+
+TEST_CASE("laws that give a velocity for a force give the one that has it", "[serial]") {
+  // F = a y over velocities of forty decades and both signs; slopes against differences
+  for (const char* law : {"rate-and-state", "n-shaped", "dieterich"})
+    for (const char* state : {"ageing", "slip", "ageing-cutoff", "prz"}) {
+      FrictionParameters p;
+      p.law = Law(law);
+      p.state = StateLaw(state);
+      p.values["friction_a"] = 0.01;
+      const kernel::LawColumns columns = kernel::law_columns(p, false, {});
+      REQUIRE(columns.velocities);
+      const auto at = [&](double y, double s) {
+        double psi, psi_y, psi_state, a, g;
+        columns.velocities({&y, &s, nullptr, 1, 0}, {&psi, &psi_y, &psi_state, &a, &g});
+        return std::array<double, 5>{psi, psi_y, psi_state, a, g};
+      };
+      const auto friction = Friction::of(p);
+      for (const double psi : {-10., -1e-30, 0., 1e-40, 1e-20, 1e-6, 1., 100.}) {
+        if (psi <= 0 && p.law->only_for[0]) continue;
+        const double s = 0.7;
+        double y;
+        columns.force_over_a({&psi, &s, nullptr, 1, 0}, &y);
+        const auto [found, by_y, by_state, a, g] = at(y, s);
+        INFO(law << " " << state << " psi " << psi << " y " << y);
+        // y has 16 digits, and so has psi but for the |y| that they stand for
+        const double digits = 1e-15 * (2 + std::abs(y));
+        CHECK(a == 0.01);
+        CHECK(std::abs(a * y - friction->force(psi, s)) <= digits * a);
+        CHECK(std::abs(found - psi) <= digits * (std::abs(psi) + by_y));
+        CHECK(std::abs(g - friction->rate(found, s)) <= 1e-14 * (1 + std::abs(g)));
+        const double h = 1e-4;
+        const double of_y = (at(y + h, s)[0] - at(y - h, s)[0]) / (2 * h);
+        const double of_state = (at(y, s + h)[0] - at(y, s - h)[0]) / (2 * h);
+        CHECK(std::abs(of_y - by_y) <= 1e-6 * by_y);
+        CHECK(std::abs(of_state - by_state) <= 1e-5 * (std::abs(by_state) + by_y));
+      }
+    }
 }
 
 TEST_CASE("thresholds of every law with every state law are those of the cubic", "[serial][every_law]") {

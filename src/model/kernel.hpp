@@ -40,13 +40,22 @@ struct LawSteps {
   double* psi_next;
   PetscInt count, node;
 };
+// Of nodes whose friction is given, F = a y, y in the place of a tile's psi: the velocity that goes with it,
+// its slopes in y and the state, a, and the state's rate there.
+struct LawVelocities {
+  double *psi, *psi_y, *psi_state, *a, *g;
+};
 
 struct LawColumns {
   bool has_state = false, steep = false, smoothed = false;  // smoothed: a threshold that is regularised
   using Take = std::function<void(const LawTile&, const LawValues&)>;
   using Step = std::function<void(const LawSteps&)>;
+  using Velocities = std::function<void(const LawTile&, const LawVelocities&)>;
+  using Ratios = std::function<void(const LawTile&, double* y)>;
   Take rates, partials;  // rates: F and g alone
   Step newton_psi;       // where it is steep
+  Velocities velocities;  // of laws that give a velocity; and y = F/a of psi
+  Ratios force_over_a;
 };
 // Of the law with its parameters. `sticking`: with the direction of motion given, for laws that stick.
 // `places`: friction_places() of the nodes by their numbers.

@@ -122,6 +122,7 @@ struct LawDefaults : Defaults {
   static constexpr bool has_factor = false;       // in place of its state law
   static constexpr bool has_rate = false;         // likewise
   static constexpr bool steep = false;            // newton_psi(), see Friction: friction is steep at rest
+  static constexpr bool gives_velocity = false;   // velocity(): psi of the force F = a y, with a member a
   static constexpr bool looks_up = false;         // place(), looked_up(): phi is looked up in a table
   static constexpr bool van_der_pol = false;      // uniform motion without a state is van der Pol's
   static constexpr const char* only_for = "";     // velocities for which alone it holds, in words
@@ -146,6 +147,11 @@ constexpr bool jumps_at_rest() {
       "a friction law must say whether it jumps at rest: static constexpr bool jumps_at_rest = ...");
   return L::jumps_at_rest;
 }
+
+// psi, and its slopes in y and in the state, where friction is a y (`gives_velocity`).
+struct VelocityOfForce {
+  double psi, by_y, by_state;
+};
 
 inline double direction_of(double psi) { return elementary::sign_or_zero(psi); }
 
@@ -201,7 +207,7 @@ struct LawWithState {
 template <class L, class Sign, class S>
 struct Product : LawWithState<L, S> {
   static constexpr bool sticks = jumps_at_rest<L>() && !Sign::smooth;
-  static constexpr bool steep = false, looks_up = L::looks_up;
+  static constexpr bool steep = false, gives_velocity = false, looks_up = L::looks_up;
   Sign sign;
 
   template <class Real>
@@ -251,7 +257,8 @@ struct Product : LawWithState<L, S> {
 // The law takes the state itself.
 template <class L, class S>
 struct OwnState : LawWithState<L, S> {
-  static constexpr bool sticks = false, steep = L::steep, looks_up = false;
+  static constexpr bool sticks = false, steep = L::steep, gives_velocity = L::gives_velocity,
+                        looks_up = false;
   static_assert(!jumps_at_rest<L>(), "exact stick is there for laws whose friction is a product");
 
   template <class Real>
@@ -261,6 +268,7 @@ struct OwnState : LawWithState<L, S> {
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
     return this->law.newton_psi(psi, s + S::enters_with, psi_new, s_new + S::enters_with, mass);
   }
+  VelocityOfForce velocity(double y, double s) const { return this->law.velocity(y, s + S::enters_with); }
 };
 
 }  // namespace stickslip

@@ -14,7 +14,7 @@ namespace kernel {
 template <class Own>
 struct Varying {
   static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
-                        looks_up = false;
+                        gives_velocity = Own::gives_velocity, looks_up = false;
   std::shared_ptr<const std::vector<Own>> nodes;
 };
 template <class F>
@@ -29,7 +29,8 @@ const F& friction_of(const Varying<F>& friction, PetscInt node) {
 // Behind its virtual functions: terms stand beside it. One for all nodes, or one each.
 template <bool state, bool is_steep>
 struct AnyFriction {
-  static constexpr bool has_state = state, sticks = true, steep = is_steep, looks_up = false;
+  static constexpr bool has_state = state, sticks = true, steep = is_steep, gives_velocity = false,
+                        looks_up = false;
   std::shared_ptr<const std::vector<std::shared_ptr<const Friction>>> nodes;
 };
 template <bool state, bool steep>
@@ -154,6 +155,45 @@ struct LawNewton {
   }
 };
 
+template <class F>
+struct LawVelocityLoop {
+  F friction;
+
+  void operator()(const LawTile& tile, const LawVelocities& values) const {
+    const LawTile t = tile;
+    const LawVelocities v = values;
+    const F law = friction;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const auto& own = friction_of(law, t.node + i);
+      const VelocityOfForce of = own.velocity(t.psi[i], t.state[i]);
+      v.psi[i] = of.psi;
+      v.psi_y[i] = of.by_y;
+      v.psi_state[i] = of.by_state;
+      v.a[i] = own.law.a;
+    }
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i)
+      v.g[i] = friction_of(law, t.node + i).rate_partials(v.psi[i], t.state[i]).g;
+  }
+};
+
+template <class F>
+struct LawForceOverA {
+  F friction;
+
+  void operator()(const LawTile& tile, double* const& y) const {
+    const LawTile t = tile;
+    double* const into = y;
+    const F law = friction;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const auto& own = friction_of(law, t.node + i);
+      into[i] = own.partials(t.psi[i], t.state[i]).F / own.law.a;
+    }
+  }
+};
+
 // `versions`: for every set of instructions.
 template <bool versions, class Function, class Loop>
 Function chosen(const Loop& loop) {
@@ -181,6 +221,10 @@ LawColumns columns_of(const F& friction, bool smoothed) {
   columns.partials = chosen<versions, LawColumns::Take>(LawPartials<F, sticking>{friction});
   if constexpr (F::steep && !sticking)
     columns.newton_psi = chosen<versions, LawColumns::Step>(LawNewton<F>{friction});
+  if constexpr (F::gives_velocity && !sticking) {
+    columns.velocities = chosen<versions, LawColumns::Velocities>(LawVelocityLoop<F>{friction});
+    columns.force_over_a = chosen<versions, LawColumns::Ratios>(LawForceOverA<F>{friction});
+  }
   return columns;
 }
 

@@ -7,6 +7,7 @@
 #include "stickslip/model/scales.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/stick.hpp"
+#include "time/sliding_step.hpp"
 
 namespace stickslip {
 
@@ -75,10 +76,13 @@ Implicit massless_implicit(const std::string& type, const Capabilities& can, con
 }
 
 // `stiff`: or an implicit method that the user named.
-void fit_massless(Choice& choice, const Capabilities& can, const MethodSpec& spec, bool stiff) {
+void fit_massless(const Model& model, Choice& choice, const Capabilities& can, const MethodSpec& spec,
+                  bool stiff) {
   choice.implicit = massless_implicit(choice.type, can, spec.implicit, stiff);
+  if (can.is_explicit && SlidingStep::applies_to(model)) return;
   if (choice.named_fused)
-    throw usage_error("ts_type {}: it does not support model_m 0; use ts_type {}",
+    throw usage_error("ts_type {}: of model_m 0 it supports explicit steps of rate-and-state friction alone; "
+                      "use ts_type {}",
                       can.fused_type, choice.type);
   choice.fused = false;
 }
@@ -301,7 +305,7 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const Capabilities can = capabilities(offered_type(choice.type));
   choice.implicit = implicit_of(choice.type, can, friction ? "friction" : spec.implicit, stiff, rates,
                                 sticks);
-  if (model.scene().massless()) fit_massless(choice, can, spec, set || stiff != Implicit::none);
+  if (model.scene().massless()) fit_massless(model, choice, can, spec, set || stiff != Implicit::none);
   if (model.scene().load.varies())
     refuse_rosenbrock(choice, can, "a load that varies (load_v, load_sine_amplitude, ...)");
   if (model.scene().normal.varies()) fit_normal_load(choice, can, set ? name : "");

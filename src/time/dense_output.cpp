@@ -89,7 +89,8 @@ void ShorterStep::set_up(FusedStepper* fused, const Method& method, Implicit imp
   implicit_ = implicit;
   adaptive_ = adaptive;
   const Capabilities can = capabilities(method);
-  always_ = can.falls_short;
+  // a polynomial in eta says nothing of a psi that goes by its exponential
+  always_ = can.falls_short || (fused && model_.scene().massless() && can.degree > 0);
   asks_ = always_ || (implicit != Implicit::none && !can.remembers);
   spec_.type = method.type;
   spec_.subtype = method.subtype;

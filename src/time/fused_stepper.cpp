@@ -226,7 +226,9 @@ void FusedStepper::interpolate(double, double part, Vec into) {
   const std::vector<double> weights = method_.weights_at(part, dt_);
   const std::vector<Vec> terms(slopes_.begin(), slopes_.end());
   SS_TRY(VecCopy(before_, into));
+  taker_->begin_sum(into);
   SS_TRY(VecMAXPY(into, terms.size(), weights.data(), const_cast<Vec*>(terms.data())));
+  taker_->end_sum(into);
 }
 
 bool FusedStepper::shorter(double part, Vec into) const {

@@ -162,6 +162,8 @@ class Stepper {
   // Of the last step.
   virtual Vec before() const = 0;   // u where it begins; nullptr where that was not kept
   virtual bool solved() const = 0;  // its implicit equations
+  // Whether u comes with the psi of a massless chain.
+  virtual bool puts_psi() const { return false; }
   // u at a time inside, the part `part` of the step, by the method's own polynomial.
   virtual void interpolate(double at, double part, Vec into) = 0;
   // How far it has come, for -ts_view.
@@ -183,6 +185,7 @@ class FusedStepper : public Stepper {
   Outcome step(Vec u, const Asked& asked) override;
   Vec before() const override { return before_; }
   bool solved() const override { return outcome_.solved; }
+  bool puts_psi() const override { return true; }
   void interpolate(double at, double part, Vec into) override;
   void view(PetscViewer viewer, std::int64_t rejections) const override;
 

@@ -13,6 +13,7 @@
 #include "stickslip/time/time.hpp"
 #include "time/band.hpp"
 #include "time/methods.hpp"
+#include "time/sliding_step.hpp"
 
 namespace stickslip {
 
@@ -367,6 +368,7 @@ FusedMethod::FusedMethod(const std::string& type, const std::string& subtype) : 
 }
 
 std::unique_ptr<StepTaker> FusedMethod::make(const Model& model, Implicit implicit, bool sticking) const {
+  if (model.scene().massless()) return std::make_unique<SlidingStep>(model, program_);
   if (imex_ && (implicit == Implicit::wave || implicit == Implicit::both))
     return std::make_unique<BandedImex>(model, program_, implicit, sticking);
   return std::make_unique<TiledStep>(model, program_, sticking);

@@ -66,6 +66,9 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
   if (fuses) fuse(choice, given.empty() ? choice.subtype : given);
   set_tolerances(tolerances_of(spec));
+  if (fuses && model.scene().massless() && user_set(prefix, "ts_atol"))
+    warn("ts_atol has no effect: explicit steps of massless rate-and-state friction err by ts_rtol of ln psi "
+         "and of ln theta, which have no unit");
   if (!fuses) SS_TRY(TSSetUp(ts));
   method = &offered_method(choice.type, fuses ? fused->subtype() : subtype_of(ts, choice.type));
   can = capabilities(*method);

@@ -54,6 +54,9 @@ class StepTaker {
   // The last stage is taken at the new u: its slope is the right-hand side there.
   virtual bool last_is_solution() const { return false; }
   virtual int stages() const = 0;
+  // Where slopes are those of other unknowns than u's: to these, and back.
+  virtual void begin_sum(Vec) const {}
+  virtual void end_sum(Vec) const {}
 };
 
 // What a step errs by: its new values weighed as ErrorNorm says.
@@ -165,6 +168,7 @@ class Tiles {
   // the ends of the grid seen from this rank; far away on a ring in tiles
   PetscInt low() const { return low_; }
   PetscInt high() const { return high_; }
+  PetscInt right_halo() const { return right_halo_; }
 
   // 1, -1 or 0 for every node of this rank, from now on. Collective.
   void set_direction(const std::vector<double>& own);

@@ -145,7 +145,7 @@ void Integrator::Impl::after_step(const Stepper::Outcome& outcome) {
   drive.update_report(model);
   const Step step = step_now();
   const double dt = step.t - drive.t_before;
-  model.solve_velocities(step.u);
+  if (!stepper->puts_psi()) model.solve_velocities(step.u);
   if (!outcome.finite && !all_finite(step.u)) {
     drive.report.t = drive.t_before;
     throw NotFinite(fmt::format("the solution is not finite after step {} (t = {}): {}", step.index,
@@ -240,7 +240,13 @@ void Integrator::Impl::check_floor(const Step& step) {
   const bool at_floor = !(step.t - step.t_before > reach || step.next_dt > reach ||
                           step.t + 2 * reach >= drive.t_end);
   steps_at_floor = at_floor ? steps_at_floor + 1 : 0;
-  if (!at_floor || (least > floor && steps_at_floor < most)) return;
+  if (!at_floor) return;
+  if (const std::string lost = model.velocity_jump(step.u); !lost.empty()) {
+    drive.report.t = drive.t_before;
+    throw failure("the step has shrunk to nothing at t = {} (step {}); {}", number_text(step.t), step.index,
+                  lost);
+  }
+  if (least > floor && steps_at_floor < most) return;
   drive.report.t = drive.t_before;
   if (least > floor)
     throw failure(
@@ -322,7 +328,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
     dense->interpolate(before, u, drive.t_before, dt, part, into);
   else
     stepper->interpolate(at, part, into);
-  model.solve_velocities(into);
+  if (dense || by_step || !stepper->puts_psi()) model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(into))
     throw NotFinite(fmt::format("the solution is not finite at t = {} (step {}): {}", number_text(at),

@@ -165,6 +165,59 @@ def test_a_hold_takes_few_steps():
     assert s["steps"] < 1000 and abs(s["eta_mean"] - exact["eta_mean"]) < 1e-5, f"{s['steps']} {s['eta_mean']} {exact['eta_mean']}"
 
 
+def creeping_chain(length=1, time=1, force=1, blocks=20):
+    """Rate-and-state blocks of laboratory scales, beside each other, whose slips go by decades; in units of these sizes."""
+    a, b, f0, zeta, v = 0.008, 0.012, 5e6 / force, 5e6 / force / time * length, 1e-6 / length * time
+    D = 1e-5 / length
+    k0 = 0.075 * f0 * (b - a) / D
+    return (f"-model_form chain -model_m 0 -grid_n {blocks} -bc_left free -model_k0 {k0!r} -model_k1 {5 * k0!r} -model_f0 {f0!r} "
+            f"-model_zeta {zeta!r} -model_v {v!r} -friction_law rate-and-state -state_law slip -friction_a {a} -friction_b {b} "
+            f"-friction_D {D!r} -friction_psi0 {v!r} -init_type sine -init_psi {v!r} -init_amplitude {0.2 * v!r} -scene_reduce off "
+            f"-ts_max_time {100 * D / v!r} -out_probes 0,{blocks - 1} ")
+
+
+def in_logarithms(summary):
+    return np.log([probe["psi"] for probe in summary["probes"]])
+
+
+def test_explicit_steps_go_by_logarithms():
+    """Explicit steps move friction's own force in place of eta, from which psi follows by a formula: errors are of ln psi and have
+    no unit. (ts_rtol 1e-4 with ts_atol 1e-10 once ended with velocities that no force had.)"""
+    exact, _ = run(creeping_chain() + "-ts_rtol 1e-11")
+    for rtol, allowed in ((1e-4, 1e-3), (1e-6, 1e-5)):  # ten of what one step may err by
+        s, told = run(creeping_chain() + f"-ts_rtol {rtol} -ts_atol 1e-10")
+        off = np.max(np.abs(in_logarithms(s) - in_logarithms(exact)))
+        check(off < allowed, f"{rtol}: ln psi is off by {off}")
+        check("ts_atol has no effect" in told, told)
+        # in other units the same steps, but for round-off
+        other, _ = run(creeping_chain(length=1e-6, time=3600, force=1e6) + f"-ts_rtol {rtol}")
+        check(abs(other["steps"] - s["steps"]) <= 0.02 * s["steps"], f"{rtol}: {s['steps']} steps, in other units {other['steps']}")
+
+
+@pytest.mark.parametrize("method", ("", "-ts_type rk -ts_rk_type 7vr ", "-ts_type rk -ts_rk_type 3bs "))
+def test_frames_within_explicit_steps(method):
+    times = ",".join(repr(10 * part) for part in (0.1234, 3.2, 9.71, 30.3, 55.5, 97.01))
+    values = []
+    for more in ("-ts_rtol 1e-11 ", method + "-ts_rtol 1e-6 "):
+        run(creeping_chain(blocks=5) + more + "-out_file f.h5 -out_times " + times)
+        values.append((np.log(data("f.h5")["psi"]), data("f.h5")["eta"]))
+    (psi, eta), (near, force) = values
+    check(np.max(np.abs(psi - near)) < 1e-4 and np.max(np.abs(eta - force)) < 1e-6, f"{np.max(np.abs(psi - near))}")
+
+
+@pytest.mark.ranks
+def test_tiles_of_explicit_steps_on_ranks():
+    """More nodes than one tile holds, with amplitudes of their own, a held end and a plate that goes faster."""
+    text = (creeping_chain(blocks=1100) + "-bc_left velocity -bc_left_value 1e-6 -friction_amplitude_profile 0:1,500:1.1,1099:0.9 "
+            "-load_v 0:1e-6,20:2e-6 -ts_max_time 30 -init_amplitude 1e-7 -out_frames 3 -out_file ")
+    run(text + "one.h5")
+    run(text + "two.h5", 2)
+    check(all(np.array_equal(a, b) for a, b in zip(fields("one.h5"), fields("two.h5"))), "the ranks' bits differ")
+    run(text + "library.h5 -rk_fused false -ts_rtol 1e-9")
+    psi, exact = np.log(fields("one.h5")[0]), np.log(fields("library.h5")[0])
+    check(np.max(np.abs(psi - exact)) < 1e-4, f"ln psi differs from Newton's by {np.max(np.abs(psi - exact))}")
+
+
 def test_what_is_refused():
     for arguments, command, parts in (
             ("-friction_law carlson-langer -model_zeta 0.9", "run", ["falls with velocity", "model_m > 0"]),

@@ -189,6 +189,14 @@ struct DirectEffect {
             sign * evolution * where_less(q, far, Real(q / root), Real(1.))};
   }
 
+  // psi = 2 psi0 exp(-l) sinh(y), the inverse of F = a y; without a branch.
+  VelocityOfForce velocity(double y, double l, double evolution) const {
+    using elementary::exp, elementary::expm1;
+    const double sign = elementary::sign_of(y), m = sign * y, half = psi0 * exp(m - l), less = expm1(-2 * m);
+    const double psi = -sign * half * less;
+    return {psi, half * (2 + less), -psi * (evolution / a)};
+  }
+
   // Over decades of velocity F is a logarithm, on which Newton's steps in psi shoot through zero, while steps
   // in F are exact; where the mass outweighs friction it is the other way round. For psi > 0 the left side is
   // concave in psi and convex in F, so that the two steps enclose the solution; of the enclosed values the
@@ -215,7 +223,7 @@ struct DirectEffect {
 template <class L>
 struct OfDirectEffect : LawDefaults {
   static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true, steep = true;
+  static constexpr bool takes_state = true, steep = true, gives_velocity = true;
 
   template <class Real>
   PartialsOf<Real> partials(Real psi, Real s) const {
@@ -231,6 +239,10 @@ struct OfDirectEffect : LawDefaults {
     const Partials p = partials(psi, s);
     const double force = p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s);
     return DirectEffect{law.a, law.psi0}.nearest_psi(psi, psi_new, force, law.exponent(s_new), mass);
+  }
+  VelocityOfForce velocity(double y, double s) const {
+    const L& law = static_cast<const L&>(*this);
+    return DirectEffect{law.a, law.psi0}.velocity(y, law.exponent(s), law.evolution(s));
   }
 };
 
@@ -308,7 +320,7 @@ struct Dieterich : LawDefaults {
   static constexpr const char* name = "dieterich";
   static constexpr const char* only_for = "psi > 0";
   static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true, steep = true;
+  static constexpr bool takes_state = true, steep = true, gives_velocity = true;
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;
   static std::vector<Declared<Dieterich>> parameters() {
     using R = Parameter::Range;
@@ -325,6 +337,11 @@ struct Dieterich : LawDefaults {
   PartialsOf<Real> partials(Real psi, Real s) const {
     using elementary::log;
     return {mu0 + a * log(psi / psi0) + b * (elementary::log(psi0 / D) + s), a / psi, Real(b)};
+  }
+  VelocityOfForce velocity(double y, double s) const {
+    using elementary::exp;
+    const double psi = psi0 * exp(y - (mu0 + b * (elementary::log(psi0 / D) + s)) / a);
+    return {psi, psi, -psi * (b / a)};
   }
   // As for rate-and-state friction (DirectEffect): for psi > 0 the step in psi falls short of the
   // solution and the step in F goes beyond it; of what lies between, the velocity nearest to a/mass.
