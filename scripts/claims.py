@@ -19,7 +19,9 @@ scene is that of the command. There are three kinds:
 `check` runs a command of the program. `KEY = NUMBER` says what the summary has, to the digits given (`~ 0.01`: within
 that); the number must stand on the page as it stands here. Anything else is a condition. Keys are Python expressions.
 `made` stands before a picture or a table that the commands draw or print; `measured` before seconds, which no check
-repeats.
+repeats. In a block of the language `console` stand commands after `$ ` and what they print; it is run as a check that takes
+a moment. There numbers agree to a hundredth (those below 1e-6 are round-off), words as they stand, and a line `...` stands
+for what is left out.
 """
 import argparse
 import difflib
@@ -96,6 +98,36 @@ def shell(command, folder):
                           env={**os.environ, **MPI, "PATH": path, "STICKSLIP": PROGRAM})
 
 
+def sessions(page):
+    """The commands of the page's blocks of the language console, each with the lines that it prints there."""
+    for block in [] if page.scene else re.findall(r"^```console\n(.*?)^```", page.text, re.DOTALL | re.MULTILINE):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, *lines = part.splitlines()
+            yield command, lines
+
+
+NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+
+
+def same_line(shown, said):
+    """Words as they stand, numbers to a hundredth."""
+    pairs = zip(re.findall(NUMBER, shown), re.findall(NUMBER, said))
+    return re.sub(NUMBER, "#", shown) == re.sub(NUMBER, "#", said) and all(
+        math.isclose(float(one), float(other), rel_tol=0.01, abs_tol=1e-6) for one, other in pairs)
+
+
+def printed(command, lines, folder):
+    """Nothing, or what is wrong with what a block of the language console shows."""
+    done = shell(command + " 2>&1", folder)
+    said = done.stdout.splitlines()
+    for number, line in enumerate(lines):
+        if line == "...":
+            return None
+        if number >= len(said) or not same_line(line, said[number]):
+            return f"{command}\n    prints {said[number:number + 1]}, not {line!r}"
+    return f"{command}\n    prints more: {said[len(lines)]}" if len(said) > len(lines) else None
+
+
 def agrees(claim, page, summary):
     """Nothing, or what is wrong."""
     key, equals, text = claim.rpartition(" = ")
@@ -117,10 +149,12 @@ def agrees(claim, page, summary):
 def check(page, long):
     """The claims of a page: yields what is wrong."""
     notes = [(parts[0], parts[1:]) for kind, parts, _ in page.notes if kind == "check" or long and kind == "check long"]
-    if not notes:
+    blocks = list(sessions(page))
+    if not notes and not blocks:
         return
     with tempfile.TemporaryDirectory() as folder:
         tree(folder)
+        yield from filter(None, (printed(command, lines, folder) for command, lines in blocks))
         for command, claims in notes:
             name, *rest = shlex.split(command)
             scene = [page.name] if page.scene else []
@@ -163,6 +197,7 @@ def commands(page):
     """The commands that a page prints, in order: those of its blocks, with continued lines and loops joined."""
     shown = page.shown + "\n"
     blocks = re.findall(r"^ *```sh\n(.*?)```", shown, re.DOTALL | re.MULTILINE)
+    blocks += [command for command, _ in sessions(page)]
     found = []
     for block in blocks:
         lines = iter(re.sub(r"\\\n\s*", " ", block).splitlines())
@@ -174,6 +209,11 @@ def commands(page):
             if COMMAND.match(line) and not PLACE.search(line):
                 found.append(line)
     return found
+
+
+def scenes(page):
+    """The blocks of YAML of a page."""
+    return re.findall(r"^ *```yaml\n(.*?)^ *```", page.text, re.DOTALL | re.MULTILINE)
 
 
 def run_commands(page):

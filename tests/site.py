@@ -34,6 +34,8 @@ for (let word; (word = words.nextNode());) {
   if (/\\\\[a-zA-Z]+[{_^]/.test(text) && !place.closest("code, pre")) wrong.push("a formula is left: " + text.slice(0, 60));
   if (parseFloat(getComputedStyle(place).fontSize) < 10) wrong.push("small letters: " + text.slice(0, 60));
 }
+for (const name of page.querySelectorAll("td code, th code"))
+  if (/^\\w+$/.test(name.textContent) && name.getClientRects().length > 1) wrong.push("a broken name: " + name.textContent);
 const formulas = page.querySelectorAll(".arithmatex");
 for (const formula of formulas)
   if (!formula.querySelector(".katex") || formula.querySelector(".katex-error"))

@@ -2,17 +2,21 @@
 import importlib.util
 import os
 import re
+import shlex
+import shutil
+import tempfile
 
 import pytest
 
-from calls import SOURCE
+from calls import PROGRAM, SOURCE, ran
 
 spec = importlib.util.spec_from_file_location("claims", os.path.join(SOURCE, "scripts", "claims.py"))
 claims = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(claims)
 
 PAGES = {name: claims.Page(name) for name in claims.pages()}
-CHECKED = [name for name, page in PAGES.items() if any(kind == "check" for kind, *_ in page.notes)]
+CHECKED = [name for name, page in PAGES.items()
+           if any(kind == "check" for kind, *_ in page.notes) or any(claims.sessions(page))]
 
 
 @pytest.mark.parametrize("name", CHECKED)
@@ -36,6 +40,42 @@ def test_false_claims_are_found(tmp_path):
     # growth rate -C/2 = -0.1, frequency sqrt(1 - 0.01) = 0.995
     assert wrong[0] == "not true: stable is False" and re.match(r"growth_rate is -0\.\d+, not 0\.966", wrong[1])
     assert wrong[2] == "the page does not say -0.1: growth_rate = -0.1" and len(wrong) == 3
+
+
+def test_false_output_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    for shown, wrong in (("psi 1.004 b\n...\n", ""), ("psi 1.02 b\n...\n", "'psi 1.0 b'"), ("eta 1 b\n...\n", "'psi 1.0 b'"),
+                         ("psi 1 b\n", "prints more: more")):
+        page.write_text(f"```console\n$ printf 'psi 1.0 b\\nmore\\n'\n{shown}```\n")
+        found = list(claims.check(claims.Page(str(page)), long=False))
+        assert len(found) == bool(wrong) and wrong in "".join(found), found
+
+
+def dry(command, folder):
+    """What the program says of a command whose result has no folder to go to: everything else of it is right."""
+    words = shlex.split(command)
+    done = ran([PROGRAM, *words[1:], "-out_file", "nowhere/x.h5"], folder)
+    return None if done.returncode == 2 and "error: out_file 'nowhere/" in done.stderr else f"{command}: {done.stderr.strip()}"
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if name.endswith(".md")])
+def test_blocks_of_pages_are_understood(name):
+    """Every block of YAML, pasted into a file, is a scene, and every command of the program has options that it takes; that they
+    do what the page says, too, is seen by ./check book --commands."""
+    folder = claims.tree(os.path.realpath(tempfile.mkdtemp(dir=".")))
+    wrong = []
+    for command in claims.commands(PAGES[name]):
+        for part in re.split(r" && |; | \| ", command):
+            if re.match(r"(build/)?stickslip \w", part) and "$" not in part and not re.search("-help|-restart", part):
+                wrong.append(dry(part, folder))
+    for number, block in enumerate(claims.scenes(PAGES[name])):
+        with open(os.path.join(folder, f"{number}.yaml"), "w", encoding="utf-8") as file:
+            file.write(block)
+        for data in re.findall(r"^fit: \{data: ([\w.-]+)", block, re.MULTILINE):
+            shutil.copy(os.path.join(SOURCE, "runs", data), folder)
+        wrong.append(dry(f"stickslip {'fit' if 'fit:' in block else 'run'} {number}.yaml", folder))
+    wrong = list(filter(None, wrong))
+    assert not wrong, "\n".join(wrong)
 
 
 def test_false_tables_are_found(tmp_path):
