@@ -35,6 +35,24 @@ def test_against_scipy():
         check(all(np.min(abs(times - t)) == 0 for t in CORNERS), f"{method}: no step ends at a corner")
 
 
+def test_a_belt_whose_speed_varies():
+    """A mass on a belt of speed V(t), a spring and a damper to the wall, is the block of a plate at V + (d/k) V' + (M/k) V''."""
+    mass, spring, damper, speed, swing, omega = 0.7, 1.3, 0.2, 0.6, 0.25, 2 * math.pi / 3.1
+    shift = 1 - mass * omega**2 / spring + 1j * damper * omega / spring  # the plate's sine over the belt's, which lags
+    belt = lambda t: speed + (swing / shift * np.exp(1j * omega * t)).imag  # noqa: E731
+    end, slope = 7, (swing / shift * 1j * omega * np.exp(1j * omega * np.array([0, 7]))).imag
+    friction = lambda psi: 0.8 * np.tanh(psi / 0.3)  # noqa: E731
+    u, w = solve_ivp(lambda t, y: [(-spring * y[1] + friction(belt(t) - y[0]) - damper * y[0]) / mass, y[0]], (0, end), [0.1, 0.2],
+                     rtol=1e-12, atol=1e-13).y[:, -1]
+    begin = belt(0) - 0.1, spring * 0.2 + damper * belt(0) + mass * slope[0]
+    run(f"-model_form chain -grid_n 1 -bc_left free -model_m {mass} -model_k0 {spring} -model_zeta {damper} -model_v {speed} "
+        f"-load_sine_amplitude {swing} -load_sine_period 3.1 -friction_law tanh -friction_fc 0.8 -friction_vs 0.3 -init_psi {begin[0]!r} "
+        f"-init_eta {begin[1]!r} -ts_max_time {end} -ts_rtol 1e-11 -ts_atol 1e-11 -out_file belt.h5 -out_frames 2")
+    psi, eta = read(data("belt.h5"), -1)
+    exact = belt(end) - u, spring * w + damper * belt(end) + mass * slope[1]
+    check(np.allclose((psi, eta), exact, rtol=0, atol=1e-8), f"{psi, eta}, not {exact}")
+
+
 ORDERS = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1),
           ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit friction", 4, 0.1),
           ("-ts_type arkimex -ts_arkimex_type 3 -imex_implicit wave", 3, 0.05),
