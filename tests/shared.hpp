@@ -68,9 +68,12 @@ auto with_friction(const FrictionParameters& p, const Body& body) {
   return body(*Friction::of(p));
 }
 
-// Every combination is tried on one rank; on more, where each reduction waits for all of them, combinations
-// take turns, others on each number of ranks.
-inline bool in_turn(int combination, int ranks) { return ranks == 1 || (combination + ranks) % 13 < 2; }
+// Every combination is tried on one rank; on more, where each reduction waits for all of them, one of so many,
+// others on each number of ranks.
+inline bool in_turn(int combination, int ranks, int many = 13) {
+  return ranks == 1 || (combination + ranks) % many == 0;
+}
+constexpr int numbers_of_ranks = 3;  // 2, 3 and 4: each combination on one of them
 
 // max |a - b|
 inline double distance(Vec a, Vec b) {

@@ -436,7 +436,7 @@ def draw_chart(random):
     while True:
         o = draw_law(random, draw_medium(random, 9), smooth=True)
         o.update(init_type="sine", init_psi=random.uniform(-1, 1), init_eta=random.uniform(-1, 1), chart_repeats=1,
-                 init_amplitude=random.uniform(-0.5, 0.5), ts_max_time=random.uniform(0.5, 1),
+                 init_amplitude=random.uniform(-0.5, 0.5), ts_max_time=random.uniform(0.2, 0.4),
                  chart_methods="rk:5dp,arkimex:3:friction", chart_tolerances="1e-3,1e-5", chart_grids=9, chart_orders=2)
         begin = time.monotonic()
         call(words_for({**o, "chart_reference_seconds": 3}), 1, "chart")

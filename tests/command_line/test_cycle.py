@@ -7,8 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from branches import compare as compare_branches
-from branches import scene as branch_scene
 from calls import call, data, refused, run, scene_file, tool
 from reference import System, bloch, multipliers, near, options, read
 from settling import compare
@@ -233,11 +231,6 @@ def test_turns_of_a_branch_whose_cycles_pass_corners():
     assert fold["kind"] == "fold" and abs(fold["value"] - 0.07970905914) < 1e-8 * (0.0803 - 0.0796), fold
     stable = [p["stable"] for p in found["branch"]["points"]]
     assert all(stable[:fold["after"] + 1]) and not any(stable[fold["after"] + 1:])
-
-
-def test_special_points_of_random_branches(scenes):
-    """A few of tests/audit/test_branches.py."""
-    assert any(compare_branches(drawn, f"scene {index}") for index, drawn in scenes(branch_scene, 671, short=2))
 
 
 def test_a_small_forced_motion_is_no_long_branch():

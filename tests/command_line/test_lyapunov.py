@@ -221,7 +221,7 @@ STIFF = "-model_form chain -bc_left free -friction_law rate-and-state -friction_
 
 def test_stiff_friction():
     # one block: a zero and a negative one; the third direction is damped at once, at rates of 1e5 and more
-    s = run(f"{STIFF} -grid_n 1 -ts_max_time 1000 -ts_rtol 1e-8 -ts_atol 1e-10 -lyapunov_count 2")
+    s = run(f"{STIFF} -grid_n 1 -ts_max_time 500 -ts_rtol 1e-8 -ts_atol 1e-10 -lyapunov_count 2")
     value, error = exponents(s)
     check(s["regime"] == "stick-slip" and abs(value[0]) < error[0] and value[1] < -error[1] and s["lyapunov_dimension"] == 1,
           f"a stable oscillation: {value} {error}")

@@ -263,10 +263,6 @@ def test_a_node_set_to_its_threshold_starts_within_round_off():
     refused("-grid_n 16 -grid_length 5.6882176897552 -model_gamma 0.7002616462464633 -model_delta 0.3 -model_c 1 "
             "-model_nu 0.004 -model_v 0.12471514922221424 -friction_law carlson-langer -friction_alpha 3.0367137839161913 "
             "-friction_sigma 0 -cycle_cell 0 -init_noise 0.3", 1, "without repeating", command="cycle")
-    refused("-grid_n 8 -grid_length 3.8255868379860076 -model_gamma 1.9769940377020163 -model_delta 0.8 "
-            "-model_c 1.8031278062369689 -model_nu 0.07840215677473467 -model_v -0.046341425543874465 "
-            "-friction_law carlson-langer -friction_alpha 1.0295443409074023 -friction_sigma 0 -cycle_cell 0 -init_noise 0.3",
-            1, "without repeating", command="cycle")
 
 
 def test_a_check_in_time_that_needs_too_many_steps_is_undecided():
