@@ -392,6 +392,8 @@ class Stick:
 
     def __init__(self, system, u, t=0., Y=None, **settings):
         self.system, self.n, self.t, self.settings = system, system.n, t, {"rtol": 3e-12, "atol": 1e-13} | settings
+        if float(system.p.get("load_normal_sine_amplitude", 0)):  # of which a resting node's rates know nothing
+            self.settings = {"max_step": float(system.p["load_normal_sine_period"]) / 4} | self.settings
         self.u, self.slip, self.changes, self.fresh = np.array(u, float), np.zeros(self.n), 0, None
         self.plate, self.halts = t, str(system.p.get("load_halt", "false")).lower() != "false"
         self.Y = np.zeros((len(self.u), 0)) if Y is None else np.array(Y, float)

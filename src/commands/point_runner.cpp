@@ -16,19 +16,6 @@
 
 namespace stickslip {
 
-namespace {
-
-// PETSc's database holds the options `before` and is to hold `after`.
-void replace_library_options(const Options& before, const Options& after) {
-  if (before.library() == after.library() && before.text("ts_atol") == after.text("ts_atol")) return;
-  for (const auto& [name, text] : before.library())
-    if (!after.library().count(name)) clear_library_option(name);
-  if (before.is_set("ts_atol")) SS_TRY(PetscOptionsClearValue(nullptr, "-ts_atol"));
-  insert_library_options(after);
-}
-
-}  // namespace
-
 PointRunner::Outcome PointRunner::run(const Options& options) const {
   Json summary;
   std::vector<std::string> warnings;

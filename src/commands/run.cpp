@@ -60,7 +60,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   double runs_before = 0;  // of attempts that were not good enough
   for (int attempt = 1;; ++attempt) {
     const Options chosen = plan.options();
-    insert_library_options(chosen);
+    replace_library_options(options, chosen);
     Progress(chosen.text("progress"), "")
         .tell(fmt::format("accuracy: {}; choosing took {} s", plan.what(),
                           number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5)));
@@ -95,6 +95,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     if (attempt == 5)
       throw Failure(fmt::format("accuracy {} was not reached: the error is about {} with {}",
                                 options.text("accuracy"), number_text(estimate), plan.what()));
+    replace_library_options(chosen, options);  // what was chosen is for that run alone
     try {
       plan.refine();
     } catch (const Failure&) {  // the answer stands

@@ -247,8 +247,6 @@ void check_normal_load(const Options& o, const Scene& s) {
   refuse_it(!s.friction.terms.none(),
             "the drag (model_drag) does not grow with the normal load, and the two are not combined");
   refuse_it(o.boolean("load_halt"), "with load_halt a resting node is released by the plate alone");
-  refuse_it(o.command() == "fit", "a fit takes a constant normal load");
-  refuse_it(o.is_set("accuracy"), "-accuracy takes a constant normal load; set ts_rtol and grid_n");
   refuse_it(o.is_set("load_normal") && o.command() == "run" && o.integer("lyapunov_count") > 0,
             "exponents (lyapunov_count) are of a normal load that repeats; leave load_normal out, or take "
             "load_normal_sine_amplitude alone");

@@ -293,6 +293,14 @@ void clear_library_option(const std::string& name) {
   SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name_in_database(name)).c_str()));
 }
 
+void replace_library_options(const Options& before, const Options& after) {
+  if (before.library() == after.library() && before.text("ts_atol") == after.text("ts_atol")) return;
+  for (const auto& [name, text] : before.library())
+    if (!after.library().count(name)) clear_library_option(name);
+  if (before.is_set("ts_atol")) SS_TRY(PetscOptionsClearValue(nullptr, "-ts_atol"));
+  insert_library_options(after);
+}
+
 void check_unused_after_setup(const Options& options, const std::string& objects) {
   set_up = true;
   const std::set<std::string> made = set_of(objects);

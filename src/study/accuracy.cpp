@@ -148,7 +148,7 @@ struct AccuracyPlan::Impl {
     if (type == "layer") count = std::max(count, 3 * request.scene.length / options.real("init_width"));
     if (request.corner_distance > 0)
       count = std::max(count, 0.8 * request.scene.length / request.corner_distance);
-    if (runs.jump()) count = std::max(count, runs.jump()->least_cells(setting.order, runs.pilot().t_end()));
+    if (runs.jump()) count = std::max(count, runs.jump()->least_cells(setting.order, runs.at_start().t_end()));
     return std::floor(std::min(count, 1e5));
   }
 
@@ -300,7 +300,7 @@ struct AccuracyPlan::Impl {
     const bool beyond_memory = next > double(most_nodes);
     if (!far && !beyond_memory && affords(next)) return;
     if (levels_tightened()) return;
-    const Start::Misfit jump = runs.pilot().start().misfit(request.scene);
+    const Start::Misfit jump = runs.at_start().start().misfit(request.scene);
     const double misfit = std::max(std::abs(jump.left), std::abs(jump.right));
     if (far && misfit > 1e-8) give_up(fmt::format("the start jumps by {:.3g} at a held end", misfit));
     if (far && never_better()) give_up("four grids show the same");
@@ -463,7 +463,7 @@ struct AccuracyPlan::Impl {
     set("ts_type", setting.method.type);
     if (const std::string sub = setting.method.can().subtype_option; !sub.empty())
       set(sub, setting.method.subtype);
-    if (const double step = runs.pilot().longest_step(setting); step > 0)
+    if (const double step = runs.at_start().longest_step(setting); step > 0)
       set("ts_adapt_dt_max", number_text(step));
     set("ts_rtol", number_text(setting.tolerance));
     set("ts_atol", "auto:" + number_text(setting.tolerance));
@@ -519,7 +519,7 @@ std::optional<JumpAtEnd> AccuracyPlan::jump() {
   if (!jump) return std::nullopt;
   return impl_->timed([&]() -> std::optional<JumpAtEnd> {
     const Scene grid = Scene::from(impl_->chosen, false);
-    const double t = impl_->runs.pilot().t_end();
+    const double t = impl_->runs.at_start().t_end();
     const Jump::Extent left_out = jump->extent(grid, t);
     return JumpAtEnd{jump->x(t), jump->height(impl_->request.options, impl_->setting),
                      std::max(0., left_out.from), std::min(grid.length, left_out.to)};

@@ -15,6 +15,7 @@
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 
@@ -161,11 +162,52 @@ PetscInt AccuracyRequest::nodes(double wanted_cells) const {
   return count + (scene.ring() ? 0 : 1);
 }
 
+// ---- what the start tells ----
+
+SceneAtStart::SceneAtStart(const Options& options, const Scene& scene)
+    : options_(options), scene_(scene), start_(scene, options), t_end_(options.real("ts_max_time")),
+      reduces_(options.text("scene_reduce") != "off") {}
+
+Model SceneAtStart::model(int order, PetscInt n) const {
+  const Scene scene = on_grid(scene_, n, order);
+  const PetscInt cells = reduces_ ? promised_cells(scene, options_) : 1;
+  return Model(PETSC_COMM_SELF, cells > 1 ? cell_of(scene, cells) : scene);
+}
+
+SceneAtStart::OnGrid SceneAtStart::on(int order, PetscInt n) const {
+  std::vector<std::string> unheard;
+  const WarningsKept kept(unheard);
+  OnGrid start{model(order, n), {}};
+  VecHandle u;
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, start.model.local() * start.model.dof(), u.out()));
+  start_.fill(start.model, u);
+  start.rates = rates_of(start.model, u);
+  return start;
+}
+
+MethodSpec SceneAtStart::automatic(const OnGrid& start, double tolerance) const {
+  std::vector<std::string> unheard;
+  const WarningsKept kept(unheard);
+  MethodSpec open = MethodSpec::from(options_);
+  open.tolerance = tolerance;
+  const Choice choice = choose_method(start.model, start.rates, open, "");
+  if (choice.implicit == Implicit::none) return MethodSpec::parse("accuracy", "rk:7vr");
+  return MethodSpec::parse("accuracy", choice.type + ":" + choice.subtype + ":" + to_string(choice.implicit));
+}
+
+double SceneAtStart::longest_step(const Setting& setting) const {
+  if (options_.is_set("ts_adapt_dt_max")) return options_.real("ts_adapt_dt_max");
+  if (setting.method.name() != "rk:7vr") return 0;
+  const Scene scene = on_grid(scene_, setting.n, setting.order);
+  const bool waves = !reduces_ || promised_cells(scene, options_) < scene.n;
+  return waves ? 4.4 / stencil_rate(scene) : 0;
+}
+
 // ---- runs ----
 
 LevelRuns::LevelRuns(const AccuracyRequest& request, Setting& setting)
-    : request_(request), setting_(setting), pilot_(request.options, request.scene),
-      jump_(request.has_space ? Jump::of(request.scene, pilot_.start()) : std::nullopt),
+    : request_(request), setting_(setting), at_start_(request.options, request.scene),
+      jump_(request.has_space ? Jump::of(request.scene, at_start_.start()) : std::nullopt),
       automatic_(setting.method) {}
 
 bool LevelRuns::affords(double seconds) const {
@@ -181,7 +223,7 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
   ++count_;
   Trial made = trial(s, std::max(1., request_.options.real("accuracy_seconds") - spent_));
   if (may_stop && made.fault == Fault::too_many_steps && made.t > 0)
-    explicit_steps_seen_ = double(made.steps + made.rejections) * pilot_.t_end() / made.t;
+    explicit_steps_seen_ = double(made.steps + made.rejections) * at_start_.t_end() / made.t;
   double most[2] = {made.seconds, made.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
   largest_over(PETSC_COMM_WORLD, most, 2);
   spent_ += most[0];
@@ -196,14 +238,12 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
 
 Trial LevelRuns::trial(const Setting& s, double limit) const {
   const MeasureMaker measure = request_.of.measure(request_.options);
-  if (!measure && Pilot::suits(request_.scene, s.method)) return pilot_.run(s, limit);
-  if (!measure) return run_trial(request_.options, s, "", limit);
-  const double longest = pilot_.longest_step(s);  // as the run will have it
+  const double longest = at_start_.longest_step(s);  // as the run will have it
   if (longest > 0) SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_dt_max", number_text(longest).c_str()));
   Trial made = run_trial(request_.options, s, "", limit, measure);
   if (longest > 0 && !request_.options.is_set("ts_adapt_dt_max"))
     SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_dt_max"));
-  if (made.failed.empty() && made.measured.empty()) {
+  if (measure && made.failed.empty() && made.measured.empty()) {
     made.fault = Fault::failed;
     made.failed = "the motion has no " + request_.of.name() + " to measure";
   }
@@ -217,7 +257,7 @@ std::vector<double> LevelRuns::places(const Scene& scene) const {
   if (request_.of.kind != Quantity::Kind::probe) x = positions(scene, 0, scene.n);
   x.insert(x.end(), request_.probes.begin(), request_.probes.end());
   if (!jump_) return x;
-  const Jump::Extent left_out = jump_->extent(scene, pilot_.t_end());
+  const Jump::Extent left_out = jump_->extent(scene, at_start_.t_end());
   x.erase(std::remove_if(x.begin(), x.end(), [&](double at) { return left_out.covers(at); }), x.end());
   return x;
 }
@@ -242,9 +282,9 @@ double LevelRuns::difference(const Level& a, const Level& b, bool between) const
 
 void LevelRuns::choose_method(double tolerance) {
   if (!request_.method_open || Stick::applies_to(request_.scene)) return;
-  const Pilot::AtStart start = pilot_.at_start(setting_.order, setting_.n);
+  const SceneAtStart::OnGrid start = at_start_.on(setting_.order, setting_.n);
   friction_sets_steps_ = start.rates.friction > 3 * start.rates.wave;
-  automatic_ = pilot_.automatic(start, tolerance);
+  automatic_ = at_start_.automatic(start, tolerance);
   // the first levels of an implicit method take longer than that
   constexpr double cheap = 2e-3;
   const bool is_cheap = explicit_seconds(start.rates, setting_.n) < cheap;
@@ -270,7 +310,7 @@ double LevelRuns::step_seconds(const MethodSpec& method, PetscInt n) const {
 // is seldom met, but at a threshold always).
 double LevelRuns::explicit_steps(const Rates& rates) const {
   const bool threshold = request_.scene.friction.jumps_at_rest();
-  const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
+  const double steps = (threshold ? 0.22 : 0.16) * at_start_.t_end() * std::max(rates.wave, rates.friction);
   return std::max(steps, explicit_steps_seen_);
 }
 
@@ -280,7 +320,7 @@ double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
 
 // Many more than accuracy alone asks for.
 std::int64_t LevelRuns::most_explicit_steps(PetscInt n) const {
-  return std::int64_t(std::max(5000., 30 * explicit_steps(pilot_.at_start(setting_.order, n).rates)));
+  return std::int64_t(std::max(5000., 30 * explicit_steps(at_start_.on(setting_.order, n).rates)));
 }
 
 bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
@@ -289,7 +329,7 @@ bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance
   // steps of an implicit run are bound by their error
   const double steps =
       double(seen.attempts) * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
-  return explicit_seconds(pilot_.at_start(setting_.order, n).rates, n) <
+  return explicit_seconds(at_start_.on(setting_.order, n).rates, n) <
          steps * step_seconds(setting_.method, n);
 }
 

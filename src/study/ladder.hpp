@@ -93,20 +93,11 @@ class Jump {
   double start_;
 };
 
-// Runs of a scene by an explicit Runge-Kutta pair on one rank, for `-accuracy`: those that prepare a run are
-// so short that PETSc's grid and TS cost more than the steps do. Steps are those of PETSc's rk with its own
-// error control, and end at the corners of a load as a run's do (a test compares them). Every rank does the
-// same: ranks that share a step wait for each other in it (two runs of five blocks on two ranks: 1 ms, by
-// run_trial 52).
-class Pilot {
+// What the start of a scene tells before it is run, found by every rank alone.
+class SceneAtStart {
  public:
   // The start is found once. Throws what Start does. Collective where that is.
-  Pilot(const Options& options, const Scene& scene);
-
-  // Whether a setting is run here: a pair of type rk with an error estimate, friction that does not stick
-  // exactly.
-  static bool suits(const Scene& scene, const MethodSpec& method);
-  Trial run(const Setting& setting, double limit) const;
+  SceneAtStart(const Options& options, const Scene& scene);
 
   // The longest step, ts_adapt_dt_max: as the user set it; for rk:7vr, which is stable for all decaying modes
   // of |lambda| dt < 4.5, just below that of the shortest wave. Steps left to the error estimate alone go
@@ -114,14 +105,14 @@ class Pilot {
   double longest_step(const Setting& setting) const;
 
   // The scene at its start on a grid.
-  struct AtStart {
+  struct OnGrid {
     Model model;
     Rates rates;
   };
-  AtStart at_start(int order, PetscInt n) const;
+  OnGrid on(int order, PetscInt n) const;
   // The method of a run of this tolerance that names none, as Integrator chooses it; where that is explicit,
   // rk:7vr.
-  MethodSpec automatic(const AtStart& start, double tolerance) const;
+  MethodSpec automatic(const OnGrid& start, double tolerance) const;
   double t_end() const { return t_end_; }
   const Start& start() const { return start_; }
 
@@ -211,7 +202,7 @@ class LevelRuns {
   bool take_other();
   const std::string& why() const { return why_; }  // this method, or ""
   bool friction_sets_steps() const { return friction_sets_steps_; }
-  const Pilot& pilot() const { return pilot_; }
+  const SceneAtStart& at_start() const { return at_start_; }
 
  private:
   Trial trial(const Setting& setting, double limit) const;
@@ -224,7 +215,7 @@ class LevelRuns {
 
   const AccuracyRequest& request_;
   Setting& setting_;
-  Pilot pilot_;
+  SceneAtStart at_start_;
   std::optional<Jump> jump_;
   int count_ = 0;
   double spent_ = 0;

@@ -48,6 +48,10 @@ def draw_load(r, t_end):
             points.append(f"{t}:{number(r, -1, 1)}")
             if r.random() < 0.3:
                 points.append(f"{t}:{number(r, -1, 1)}")
+    if r.random() < 0.25:
+        p |= {"load_normal_sine_amplitude": number(r, -0.4, 0.4), "load_normal_sine_period": power(r, -0.3, 1.3)}
+    if r.random() < 0.15:
+        p["load_normal"] = f"0:1,{t_end / 3:.4f}:{number(r, 0.6, 1.4)},{t_end / 2:.4f}:{number(r, 0.6, 1.4)}"
     return p | ({"load_v": ",".join(points)} if points else {})
 
 
