@@ -51,7 +51,9 @@ def test_answer_within_the_request():
     assert how["choosing_seconds"] > 0 and how["run_seconds"] >= how["step_seconds"] > 0
     # on several ranks the same answer to that accuracy, at the probes too
     two = run(*SCENE, "-accuracy", 1e-5, "-out_probes", "3.3,10", ranks=2)
-    assert all(how[name] == two["accuracy"][name] for name in ("method", "tolerance", "order", "n")), two["accuracy"]
+    assert all(how[name] == two["accuracy"][name] for name in ("method", "order", "n")), two["accuracy"]
+    # out of differences of 1e-5 between runs that differ by round-off
+    assert abs(two["accuracy"]["tolerance"] / how["tolerance"] - 1) < 1e-8
     for a, b in zip(made["probes"], two["probes"]):
         assert abs(a["psi"] - b["psi"]) < 1e-8 and abs(a["eta"] - b["eta"]) < 1e-8, (a, b)
     # and a tenth of it is a better one
