@@ -5,7 +5,7 @@ usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from S] [--fit A B] [
 
 Left above: how many events there are of each magnitude, over the number of nodes, the plate's displacement and the width of the
 bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a
-few places and the cumulative moment. Magnitudes are natural logarithms of the moment M, or with --magnitude Mw 2/3 of that to
+few places, and how far the plate is ahead of the mean slip. Magnitudes are natural logarithms of the moment M, or with --magnitude Mw 2/3 of that to
 the base 10, as in seismology (without the constant that belongs to units). --from leaves out events that began before the
 plate had moved so far (a start is not typical). The fit is of density ~ exp(-b ln M) for magnitudes between A and B
 (default: from 2 above the most frequent ln M, that of a block alone, over 3 units), by maximum likelihood for a truncated
@@ -98,11 +98,22 @@ def line_of(run):
     return spacing * len(run["x"]), spacing
 
 
+def shown_part(run, length, spacing, most=400):
+    """The places between which the map shows events: all of them, or about so many nodes in the middle."""
+    if length <= 3 * most * spacing:
+        return -np.inf, np.inf
+    middle = run["x"][0] + length / 2
+    return middle - most * spacing / 2, middle + most * spacing / 2
+
+
 def draw_regions(picture, axes, run, kind):
-    """Each event on its region at its time, in the colour of its magnitude."""
+    """Each event on its region at its time, in the colour of its magnitude; of a long line the middle, as much as can be told
+    apart."""
     (length, spacing), events, ring = line_of(run), run["events"], run["options"]["bc_left"] == "periodic"
     unit, words = MAGNITUDES[kind]
-    order = np.argsort(events["magnitude"])
+    low, high = shown_part(run, length, spacing)
+    inside = (events["left"] < high) & (events["left"] + events["extent"] > low)
+    order = np.flatnonzero(inside)[np.argsort(events["magnitude"][inside])]
     pieces, sizes = [], []
     for i in order:
         begin = events["left"][i] - spacing / 2
@@ -116,6 +127,8 @@ def draw_regions(picture, axes, run, kind):
                            linewidths=[1 if b[0] - a[0] > 2 * spacing else 2 for a, b in pieces])
     axes.add_collection(drawn)
     axes.autoscale()
+    if high - low < length:
+        axes.set_xlim(low, high)
     picture.colorbar(drawn, ax=axes, label=typeset(f"magnitude {words}"))
     name_axes(axes, "x", "t")
 
@@ -136,6 +149,18 @@ def draw_slip(picture, axes, run, plate):
     name_axes(axes, "t", "mean slip of events")
 
 
+def draw_deficit(picture, axes, run):
+    """How far the blocks lie behind the plate in the mean: its path less the moment so far over the length."""
+    events = run["events"]
+    order = np.argsort(events["t"])
+    slipped = np.cumsum(signed_moments(run)[order]) / line_of(run)[0]
+    times = np.concatenate([[run["begin"]], np.repeat(events["t"][order], 2), [run["end"]]])  # before and after each event
+    gone, done = run["plate"].shift(times), np.repeat(np.concatenate([[0], slipped]), 2)
+    axes.plot(times, np.sign(run["shift"]) * (gone - gone[0]) - done, lw=0.9, color=COLOURS[0])
+    axes.axhline(0, **REFERENCE)
+    name_axes(axes, "t", "plate ahead of the mean slip")
+
+
 def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table=None):
     """The picture; what the fits say is printed, and the events are written to `table`, a CSV file, where one is named."""
     runs = [read(path, begin) for path in paths]
@@ -151,10 +176,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table
     gone = run["plate"].shift(times)
     plate = times, np.sign(run["shift"]) * (gone - gone[0])
     draw_slip(picture, slip, run, plate)
-    order = np.argsort(events["t"])
-    moment.step(events["t"][order], np.cumsum(signed_moments(run)[order]) / line_of(run)[0], where="post", lw=1, color=COLOURS[0])
-    picture.label(moment, "plate", *moment.plot(*plate, **REFERENCE))
-    name_axes(moment, "t", "moment so far over length")
+    draw_deficit(picture, moment, run)
     first = f"map, slip and moment: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""
     picture.title(first + run["title"])
     return picture

@@ -1,7 +1,7 @@
 """Pictures of what is computed about sliding and waves: spectra, trains, laws."""
 import numpy as np
 
-from figures_cycle import draw_extremes
+from figures_cycle import crowded, draw_extremes, draw_near_end
 from figures_portrait import Portrait, draw_loop
 from stickslip import Unusable, differing, options, scene_title, shown_words, text, told_apart
 from style import (BLACK, BLUE, COLOURS, GREEN, GREY, OCHRE, RED, REFERENCE, STICKS, VIOLET, Picture, course,
@@ -55,16 +55,22 @@ def draw_spectrum(file, args):
 
 # ---- wave -----------------------------------------------------------------------------------------------------------
 
-def draw_train_branch(picture, axes, group, attrs):
+def draw_train_branch(picture, axes, group, attrs, enlarged=None):
     """The extremes of psi and the speed or length along a branch of trains, folds marked."""
     name = text(attrs["branch_parameter"])
     other = "speed" if np.ptp(group["speed"][...]) > 0 and name != "wave_speed" else "length"
     said = draw_extremes(picture, axes, group, name, other)
+    near = crowded(group)
     for at in np.flatnonzero(group["fold"][...]):
-        place = group["value"][at], group["psi_min"][at]
-        axes.plot(*place, "s", ms=6, mfc="w", mec=BLACK, ls="none", zorder=6)
-        picture.label(axes, "fold", *place)
-    return f"the branch ends: {shown_words(text(attrs['branch_end']))}; {said}"
+        for panel, here in ((axes, near is None), (enlarged, True)):
+            if panel is not None:
+                place = group["value"][at], group["psi_max"][at]
+                panel.plot(*place, "s", ms=6, mfc="w", mec=BLACK, ls="none", zorder=6)
+                if here:
+                    picture.label(panel, "fold", *place)
+    if enlarged is not None:
+        draw_near_end(picture, enlarged, group, name)
+    return f"the branch ends: {shown_words(text(attrs['branch_end']))}\n{said}"
 
 
 def draw_train_modes(picture, axes, group):
@@ -87,6 +93,7 @@ def draw_wave(file, args):
         return draw_train_limits(file)
     x, psi, eta = (file[k][...] for k in ("x", "psi", "eta"))
     more = [name for name in ("branch", "spectrum") if name in file]
+    more[1:1] = ["enlarged"] if "branch" in file and crowded(file["branch"]) else []
     portrait = Portrait("x", len(more))
     picture, lines = portrait.picture, []
     portrait.draw_curves(x, psi, eta)
@@ -94,8 +101,9 @@ def draw_wave(file, args):
     portrait.nullclines(file, uniform=False)
     for name, axes in zip(more, portrait.below):
         if name == "branch":
-            lines.append(draw_train_branch(picture, axes, file["branch"], file.attrs))
-        else:
+            enlarged = portrait.below[1] if "enlarged" in more else None
+            lines.append(draw_train_branch(picture, axes, file["branch"], file.attrs, enlarged))
+        elif name == "spectrum":
             draw_train_modes(picture, axes, file["spectrum"])
     pulses = int(file.attrs["pulses"])
     picture.title("\n".join([f"{pulses} pulse{'s' if pulses > 1 else ''}, V = {file.attrs['speed']:.8g}, L = "
@@ -143,6 +151,8 @@ def draw_laws(file, args):
     stick = {text(name): (low, high) for name, low, high in
              zip(file["stick/name"][...], file["stick/low"][...], file["stick/high"][...])}
     laws = {name: file[name][...] for name in stick}
+    if len(laws) > 6:
+        return draw_each_law(file, psi, laws, stick)
     picture = Picture(4.6)
     axes = picture.subplots()
     for line in (axes.axhline, axes.axvline):
@@ -174,6 +184,36 @@ def draw_laws(file, args):
     axes.set_xlim(psi[0], psi[-1] + (0.06 + 0.04 * min(len(laws), 9)) * np.ptp(psi))  # names right of the curves
     axes.set_xticks([tick for tick in axes.get_xticks() if psi[0] <= tick <= psi[-1]])
     picture.title("friction laws" + (f"; of the steady state of the contact: {', '.join(steady)}" if steady else ""))
+    return picture
+
+
+def draw_each_law(file, psi, laws, stick):
+    """Many laws, each in a panel of its own, on the same axes; those with a threshold first."""
+    columns = 4
+    names = sorted(laws, key=lambda name: (not np.isfinite(stick[name][1]), name == "cubic"))
+    rows = -(-len(names) // columns)
+    picture = Picture(0.9 + 1.5 * rows)
+    panels = picture.subplots(rows, columns, sharex=True, sharey=True)
+    top = 1.25 * max(np.nanmax(np.abs([high for _, high in stick.values()])), 1)
+    for name, axes in zip(names, panels.flat):
+        low, high = stick[name]
+        for line in (axes.axhline, axes.axvline):
+            line(0, color="0.8", lw=0.8, zorder=0)
+        for side in ((psi, np.full(len(psi), True)),) if np.isnan(high) else ((psi, psi < 0), (psi, psi > 0)):
+            axes.plot(psi[side[1]], laws[name][side[1]], color=BLUE, lw=1.4)
+        if np.isfinite(high):
+            axes.plot([0, 0], [low, high], color=RED, lw=1.4)
+        steady = "steady" in text(file[name].attrs.get("long_name", ""))
+        axes.set_title(name + (" *" if steady else ""), fontsize="medium")
+    for axes in panels.flat[len(names):]:
+        axes.set_axis_off()
+    for axes in panels[:, 0]:
+        name_axes(axes, y="F(ψ)")
+    for column in range(columns):
+        name_axes(panels[(len(names) - 1 - column) // columns, column], "psi")
+        panels[(len(names) - 1 - column) // columns, column].tick_params(labelbottom=True)
+    panels[0, 0].set(xlim=(psi[0], psi[-1]), ylim=(-top, top))
+    picture.title("friction over its amplitude F; red: forces that hold a contact at rest; *: with its state steady")
     return picture
 
 

@@ -39,6 +39,11 @@ class Diagram:
             result.append((change(np.asarray(values, dtype=float)) - change(low)) / (change(high) - change(low)))
         return result
 
+    def places(self, line):
+        """Numbers from 0 to 1 as places in the box."""
+        return [low * (high / low)**part if log else low + (high - low) * part
+                for part, (low, high), log in zip(line.T, self.box, self.logs)]
+
     def even(self, box=None):
         """Many places on each axis, upwards."""
         return [(np.geomspace if log else np.linspace)(*sorted(ends), 241) for ends, log in zip(box or self.box, self.logs)]
@@ -198,8 +203,8 @@ def draw_diagram(picture, axes, file):
     diagram = Diagram(file)
     fill_regions(picture, axes, diagram)
     for of, colour in CURVES.items():
-        for chosen in diagram.pieces(of):
-            axes.plot(diagram.value[chosen], diagram.value2[chosen], color=colour, lw=1.6, marker="." if chosen.sum() == 1 else None)
+        for line in diagram.lines(of):
+            axes.plot(*diagram.places(line), color=colour, lw=1.6, marker="." if len(line) == 1 else None)
     mark_criticality(picture, axes, file)
     closed = draw_closed_form(picture, axes, diagram)
     if closed:

@@ -100,7 +100,8 @@ def draw_fails(file):
             if np.isfinite(end):
                 mark(axes, end, row, words, symbol, RED if limits.how[row] else GREY)
             for name, symbol, colour, filled, words in FAILURES:
-                if np.isfinite(limits.value[name][row]):
+                measured = limits.value[name.removesuffix("_theory")][row]  # which theory agrees with, as a rule
+                if np.isfinite(limits.value[name][row]) and (filled or not np.isfinite(measured)):
                     mark(axes, limits.value[name][row], row, words, symbol, colour, filled)
         axes.grid(axis="y", color="0.93", lw=0.7)
         axes.set_axisbelow(True)
@@ -135,10 +136,14 @@ def draw_chart(file, args):
     drawn = np.isfinite(error) & np.isfinite(seconds) & (error > 0)
     if not drawn.any():
         raise Unusable("holds no row with an error")
-    picture = Picture(4.8)
-    axes = picture.subplots()
     all_rows = np.flatnonzero(drawn)
     best = all_rows[lower_front(seconds[drawn], error[drawn])]
+    spread = len({*zip(order[drawn], n[drawn])}) > 1
+    changed = [k for k, before in zip(best, [None, *best]) if before is None or (order[k], n[k]) != (order[before], n[before])]
+    changed, columns = changed if spread else [], 4
+    lines = -(-len(changed) // columns)
+    picture = Picture(4.8 + 0.17 * lines)
+    axes, *table = np.atleast_1d(picture.subplots(2, 1, height_ratios=[4.8, 0.17 * lines]) if lines else picture.subplots())
     for k, name in enumerate(dict.fromkeys(names[drawn])):
         rows = np.flatnonzero(drawn & (names == name))
         rows = rows[lower_front(seconds[rows], error[rows])]
@@ -151,10 +156,13 @@ def draw_chart(file, args):
     axes.set(xlabel="processor time in seconds, median of the repetitions", ylabel=typeset("largest error of ψ and η at the end"))
     for which in "xy":
         logarithmic(axes, which)
-    spread = len({*zip(order[drawn], n[drawn])}) > 1
-    changed = [k for k, before in zip(best, [None, *best]) if before is None or (order[k], n[k]) != (order[before], n[before])]
-    for k in changed if spread else []:
-        picture.label(axes, f"order {order[k]}, n = {n[k]}", seconds[k], error[k], GREY)
+    for number, k in enumerate(changed):
+        picture.label(axes, str(number + 1), seconds[k], error[k], GREY)
+        column, line = divmod(number, lines)
+        table[0].text((column + 0.05) / columns, 1 - (line + 0.5) / lines, typeset(f"{number + 1}: order {order[k]}, n = {n[k]}"),
+                      va="center", color=GREY)
+    for panel in table:
+        panel.set_axis_off()
     reference = float(file.attrs["reference_error"])
     if np.isfinite(reference) and reference * 100 > error[drawn].min() / 30:
         picture.label(axes, "100 times the reference's error", axes.axhline(100 * reference, **REFERENCE))

@@ -69,10 +69,40 @@ def specials(file, key):
         yield text(kind), at, 0. if text(kind) == "hopf" and key == "amplitude" else group[key][near]
 
 
-def mark_specials(picture, axes, file, key):
+def mark_specials(picture, axes, file, key, named=lambda value: True):
+    """Marks on the curve of a key; with their names where `named` says so of the value."""
     for kind, at, height in specials(file, key):
         axes.plot(at, height, MARKS.get(kind, "d"), ms=9 if kind == "hopf" else 6, mfc="w", mec=BLACK, ls="none", zorder=6)
-        picture.label(axes, SPELT.get(kind, kind), at, height)
+        if named(at):
+            picture.label(axes, SPELT.get(kind, kind), at, height)
+
+
+def crowded(group):
+    """The range of a branch's option in which nine tenths of what psi does along it happen, where that is a tenth of all values
+    at most; or nothing."""
+    value = group["value"][...]
+    change = sum(np.abs(np.diff(group[key][...])) for key in ("psi_max", "psi_min"))
+    middle = (value[1:] + value[:-1]) / 2
+    order = np.argsort(middle)
+    share = np.cumsum(change[order]) / max(change.sum(), 1e-300)
+    low, high = (middle[order][np.searchsorted(share, part)] for part in (0.1, 0.98))
+    if not 0 < high - low < 0.1 * np.ptp(value):
+        return None
+    room = 0.6 * (high - low)
+    return max(low - room, value.min()), min(high + room, value.max() + 0.05 * (high - low))
+
+
+def draw_near_end(picture, axes, group, name):
+    """The extremes of psi where most of the branch happens."""
+    low, high = crowded(group)
+    value = group["value"][...]
+    stable = group["stable"][...] if "stable" in group else np.full(len(value), np.nan)
+    for key, colour in (("psi_max", BLUE), ("psi_min", SLATE)):
+        draw_branch(axes, value, group[key][...], stable, color=colour)
+    axes.set_xlim(low, high)
+    axes.locator_params(axis="x", nbins=5)
+    name_axes(axes, name, "psi")
+    picture.title("enlarged", axes)
 
 
 def draw_extremes(picture, axes, group, name, other):
@@ -92,6 +122,8 @@ def draw_extremes(picture, axes, group, name, other):
 def draw_cycle(file, args):
     """psi and eta over one period and the phase portrait; waves and the branch where the file holds them."""
     more = [name for name in ("branch", "spectrum") if name in file]
+    near = crowded(file["branch"]) if "branch" in file else None
+    more[1:1] = ["enlarged"] if near else []
     portrait = Portrait("t", len(more))
     for name in CURVES:
         draw_time_series(portrait.curves[name], file, name)
@@ -101,9 +133,14 @@ def draw_cycle(file, args):
         if name == "spectrum":
             draw_waves(portrait.picture, axes, file)
             continue
-        said = draw_extremes(portrait.picture, axes, file["branch"], text(file.attrs["branch_parameter"]), "period")
-        mark_specials(portrait.picture, axes, file, "psi_max")
-        lines.append(f"the branch ends: {shown_words(text(file.attrs['branch_end']))}; {said}")
+        parameter = text(file.attrs["branch_parameter"])
+        if name == "enlarged":
+            draw_near_end(portrait.picture, axes, file["branch"], parameter)
+            mark_specials(portrait.picture, axes, file, "psi_max", lambda value: near[0] < value < near[1])
+            continue
+        said = draw_extremes(portrait.picture, axes, file["branch"], parameter, "period")
+        mark_specials(portrait.picture, axes, file, "psi_max", lambda value: not near or not near[0] < value < near[1])
+        lines.append(f"the branch ends: {shown_words(text(file.attrs['branch_end']))}\n{said}")
     portrait.picture.title("\n".join([f"cycle of {nodes} node{'s' if nodes > 1 else ''}, period T = {file.attrs['period']:.10g}",
                                       scene_title(file), *lines]))
     return portrait.picture

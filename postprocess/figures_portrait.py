@@ -10,15 +10,18 @@ class Portrait:
     """psi and eta, one above the other, with their orbit beside them, and below them room for `more` panels."""
 
     def __init__(self, across, more=0):
-        self.picture = Picture(6.4 if more else 3.7)
-        grid = self.picture.add_gridspec(3 if more else 2, 2, width_ratios=[1.15, 1], height_ratios=[1, 1, 1.75] if more else None)
+        rows = (more + 1) // 2
+        self.picture = Picture(3.7 + 2.7 * rows)
+        grid = self.picture.add_gridspec(2 + rows, 2, width_ratios=[1.15, 1], height_ratios=[1, 1] + [1.75] * rows)
         self.curves = {name: self.picture.add_subplot(grid[k, 0]) for k, name in enumerate(CURVES)}
         self.phase = self.picture.add_subplot(grid[:2, 1])
-        self.below = [self.picture.add_subplot(grid[2, k] if more > 1 else grid[2, :]) for k in range(more)]
+        self.below = [self.picture.add_subplot(grid[2 + k // 2, slice(None) if k % 2 == 0 and k == more - 1 else k % 2])
+                      for k in range(more)]
         self.curves["psi"].tick_params(labelbottom=False)
         for name, axes in self.curves.items():
             axes.margins(x=0)
             name_axes(axes, y=name)
+            axes.locator_params(axis="x", nbins=6)
         name_axes(self.curves["eta"], x=across)
         name_axes(self.phase, "psi", "eta")
         self.picture.align_ylabels(list(self.curves.values()))

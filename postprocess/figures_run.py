@@ -84,7 +84,7 @@ def mark_velocity(picture, axes, file):
     """The plate's velocity, a level to compare psi with."""
     if "v" in file.attrs:
         axes.axhline(file.attrs["v"], **REFERENCE)
-        picture.label(axes, "v", (0.98, 1), (file.attrs["v"],) * 2, GREY, coordinates="row")
+        axes.text(1.01, file.attrs["v"], typeset("v"), transform=axes.get_yaxis_transform(), va="center", color=GREY)
 
 
 def draw_block(file, args):

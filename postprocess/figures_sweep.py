@@ -8,7 +8,7 @@ from style import (BLACK, BLUE, BOTH, COLOURS, RED, SLIDES, STICKS, Picture, axi
                    stability_words, typeset)
 
 KINDS = {"sliding": SLIDES, "stable": SLIDES, "stuck": "#c4c4c4", "decaying": "#cfe6da", "growing": "#f3d3a6", "stick-slip": STICKS,
-         "unstable": STICKS, "waves": "#b7d8b0", "chaos": "#c9a4de", "bistable": BOTH, "up and down differ": "#fdf8e4",
+         "unstable": STICKS, "waves": "#b7d8b0", "chaos": "#ebdff3", "bistable": BOTH, "up and down differ": "#fdf8e4",
          "undecided": "#efefef", "other": "#ded3ea", "failed": "#777777", "not computed": "#ffffff"}
 ENDS = {"": "sliding loses stability", "sliding": "sliding loses stability", "stick-slip": "stick-slip ends"}
 
@@ -96,6 +96,7 @@ def draw_boundaries(picture, axes, files, names):
             words, lines = ENDS.get(which, f"{which} end"), []
             if len(names) == 1:
                 lines = [axes.axvline(at, **style) for at in value[mine]]
+                words += f": {value[mine][0]:.5g}" if len(lines) == 1 else ""
             else:
                 value2, piece = file["value2"][...], file["piece"][...]
                 x, y = (value, value2) if given[0] == names[0] else (value2, value)
@@ -229,7 +230,7 @@ def draw_values(picture, axes, file, key, x, words):
         here = values[:, way] if direction else values
         where = np.broadcast_to(x[:, None], here.shape) if is_list else x
         # single points of a list show what repeats; of a number the course
-        style = {"marker": ".^v"[way + 1 if direction else 0], "ms": 1.6 if is_list and not direction else 3,
+        style = {"marker": ".^v"[way + 1 if direction else 0], "ms": (1.6 if here.size < 2e4 else 0.9) if is_list and not direction else 3,
                  "ls": "none" if is_list else "-", "lw": 0.8, "color": (BLUE, RED)[way]}
         order = np.argsort(x) if not is_list else slice(None)
         line, = axes.plot(where[order].ravel(), here[order].ravel(), **style)
@@ -276,7 +277,8 @@ def draw_line(file, args, over, name):
     draw_boundaries(picture, axes, by_kind["boundary"], [name])
     said = draw_cycles(picture, axes, by_kind["cycle"], name, key) if by_kind["cycle"] else ""
     axes.set_xlim(limits)
-    bands(picture, axes, x, kinds, log)
+    if set(kinds) != {"undecided"}:  # as under any load that varies
+        bands(picture, axes, x, kinds, log)
     axes.set_xlim(limits)
     scale_axes(axes, [name], [words], [log])
     name_axes(axes, y=shown)
