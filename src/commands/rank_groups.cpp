@@ -1,14 +1,63 @@
 #include "commands/rank_groups.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <exception>
 #include <string>
 
 #include "base/broadcast.hpp"
-#include "stickslip/base/error.hpp"
+#include "base/pulse.hpp"
 
 namespace stickslip {
+
+namespace {
+
+constexpr int tag_of_end = 7190;
+
+// Asks every two milliseconds whether the others are done, and leaves signals to them.
+int rest_until_done(MPI_Comm all) {
+  const SignalWatch watch;
+  MPI_Request request;
+  int code = 0, done = 0;
+  SS_TRY(MPI_Irecv(&code, 1, MPI_INT, 0, tag_of_end, all, &request));
+  for (;;) {
+    SS_TRY(MPI_Test(&request, &done, MPI_STATUS_IGNORE));
+    if (done) return code;
+    usleep(2000);
+  }
+}
+
+}  // namespace
+
+int on_ranks(int count, const std::function<int()>& body) {
+  const MPI_Comm all = PETSC_COMM_WORLD;
+  const int ranks = ranks_in(all), rank = rank_in(all);
+  if (count >= ranks) return body();
+  MPI_Comm working;
+  SS_TRY(MPI_Comm_split(all, rank < count ? 0 : MPI_UNDEFINED, rank, &working));
+  if (rank >= count) return rest_until_done(all);
+  PETSC_COMM_WORLD = working;
+  const auto end = [&](int code) {
+    PETSC_COMM_WORLD = all;
+    SS_TRY(MPI_Comm_free(&working));
+    for (int other = count; other < ranks && rank == 0; ++other)
+      SS_TRY(MPI_Send(&code, 1, MPI_INT, other, tag_of_end, all));
+    return code;
+  };
+  try {
+    return end(body());
+  } catch (const Error& e) {  // where the working ranks do not know of it main ends all
+    if (e.collective()) end(e.exit_code());
+    throw;
+  }
+}
+
+int on_ranks_of(const Options& options, const std::function<int()>& body) {
+  const PetscInt ranks = ranks_in(PETSC_COMM_WORLD);
+  return may_rest() ? on_ranks(int(std::min(options.integer("grid_n"), ranks)), body) : body();
+}
 
 void RankGroups::check(PetscInt ranks_each) {
   const int ranks = ranks_in(MPI_COMM_WORLD);

@@ -1,9 +1,31 @@
-// The ranks in groups of equal size, each of which takes the next number when it is free.
+// Who of the ranks works: as many as there is work for, or all of them in groups of equal size, each of which
+// takes the next number when it is free.
 #pragma once
 
 #include <petscsys.h>
 
+#include <functional>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/options.hpp"
+
 namespace stickslip {
+
+// What body() returns, on the first `count` ranks of PETSC_COMM_WORLD, which are that while it lasts; the
+// others rest, without a processor, until those are done, and return the same. So what `body` computes and
+// writes is what it is on `count` ranks. Collective.
+int on_ranks(int count, const std::function<int()>& body);
+// Whether ranks may: those of a group of a sweep all want what its point gives.
+inline bool may_rest() { return PETSC_COMM_WORLD == MPI_COMM_WORLD; }
+// On no more ranks than the scene has nodes, where they may rest.
+int on_ranks_of(const Options& options, const std::function<int()>& body);
+
+// Thrown where what is to be done is done by one rank, which finds out in setting up. Collective; before
+// anything is written.
+class OneRankWorks : public Error {
+ public:
+  OneRankWorks() : Error(2, true, "this runs on one rank") {}
+};
 
 // While it lives, PETSC_COMM_WORLD is the group of this rank (PETSc's sub-communicator), so that whatever
 // runs here runs on the group alone. The numbers are counted in memory of rank 0 that all reach without its

@@ -9,6 +9,7 @@
 #include "base/progress.hpp"
 #include "commands/command_run.hpp"
 #include "commands/quantities.hpp"
+#include "commands/rank_groups.hpp"
 #include "commands/run_session.hpp"
 #include "commands/table.hpp"
 #include "output/rest_fraction.hpp"
@@ -278,11 +279,7 @@ std::vector<TableText> tables() {
           {"events/rupture/", Catalogue::rupture_columns()}};
 }
 
-int run(const Options& asked) {
-  const Options options = effective_options(asked);
-  if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
-    throw UsageError("accuracy_of " + options.text("accuracy_of") +
-                     ": it says what -accuracy is wanted of, which is not set");
+int run_here(const Options& options) {
   CommandRun command("run", options, run_keys());
   Summary& summary = command.summary;
   return command.carry_out([&] {
@@ -301,6 +298,21 @@ int run(const Options& asked) {
     if (!summary.is_null("events") && options.is_set("out_file"))
       summary.say("to see the events: " + script_call("events") + " " + options.text("out_file"));
     return code;
+  });
+}
+
+// Clusters are run by one rank.
+int run(const Options& asked) {
+  const Options options = effective_options(asked);
+  if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
+    throw UsageError("accuracy_of " + options.text("accuracy_of") +
+                     ": it says what -accuracy is wanted of, which is not set");
+  return on_ranks_of(options, [&] {
+    try {
+      return run_here(options);
+    } catch (const OneRankWorks&) {
+    }
+    return on_ranks(1, [&] { return run_here(options); });
   });
 }
 

@@ -3,6 +3,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/progress.hpp"
+#include "commands/rank_groups.hpp"
 #include "commands/run_session.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
@@ -23,7 +24,8 @@ std::string Run::no_clusters() const {
   if (const Method& method = integrator_->method(); method.name() != "rk:5dp" || !integrator_->adaptive())
     return "clusters take adaptive steps of rk:5dp, and the method is " + method.name() +
            (integrator_->adaptive() ? "" : " with fixed steps");
-  if (ranks_in(PETSC_COMM_WORLD) > 1) return "clusters are for one rank";
+  if (ranks_in(PETSC_COMM_WORLD) > 1 && !may_rest())
+    return "clusters are for one rank, and a point of this sweep has several (sweep_group_ranks)";
   for (const auto& given : options_.library())
     if (given.first.rfind("ts_adapt_", 0) == 0 || given.first.rfind("ts_monitor", 0) == 0)
       return "each cluster has its own steps, to which -" + given.first + " does not apply";
@@ -63,6 +65,7 @@ void Run::choose_clusters(const std::optional<Checkpoint>& checkpoint) {
   if (choice == "auto" && no_clusters_.empty()) no_clusters_ = no_gain_of_clusters();
   if (choice == "auto" && checkpoint && no_clusters_.empty() && !is_of_clusters)
     no_clusters_ = "the run began by steps of the whole medium";
+  if (no_clusters_.empty() && ranks_in(PETSC_COMM_WORLD) > 1) throw OneRankWorks();
   if (no_clusters_.empty()) set_up_clusters(checkpoint);
   if (!Stick::applies_to(problem_.model.scene())) no_clusters_.clear();  // nobody would ask
 }

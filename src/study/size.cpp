@@ -211,9 +211,6 @@ Way way_of(const Options& options, const Model& model, Vec u) {
 
 void check_size(const Options& options, MPI_Comm comm) {
   const PetscInt n = options.integer("grid_n");
-  const int ranks = ranks_in(comm);
-  if (n < ranks)
-    throw UsageError(fmt::format("-grid_n {0}: more ranks ({1}) than nodes; start at most {0}", n, ranks));
   if (double(n) * most_of_a_node < too_small) return;
   const bool sliding = options.command() == "spectrum" || options.command() == "boundary";
   refuse_what_does_not_fit(double(n), bytes_of(options, Scene::from(options, sliding)), "", comm);

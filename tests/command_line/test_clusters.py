@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, check, data, line, ran, refused, run, same, words
+from calls import PROGRAM, check, data, line, ran, ranks_of, refused, run, same, words
 from cluster_scenes import OFF, ON, catalogue, drawn_scene, events_alike, lone_slip, start_file
 from reference import options
 
@@ -226,8 +226,58 @@ def test_auto_takes_clusters_where_they_may_pay():
         said = s.get("clusters_reason")
         check((s["clusters"] is not None) == (why is None), f"{more}: {s['clusters']}, {said}")
         check(said is None if not why else why in said, f"{more}: {said}")
-    s, _ = run(given + "100", ranks=2)
-    check(s["clusters"] is None and "one rank" in s["clusters_reason"], f"several ranks: {s['clusters_reason']}")
+
+
+def told(summary):
+    return {key: value for key, value in summary.items() if "second" not in key and key not in ("wall_s", "events_per_s")}
+
+
+def everything(path):
+    values = {}
+    with h5py.File(path, "r") as file:
+        file.visititems(lambda name, item: values.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return values
+
+
+@pytest.mark.ranks
+def test_ranks_that_are_not_needed_rest():
+    given = CARLSON + " -model_k1 9 -model_v 0.01 -ts_max_time 60 -out_file r.h5 -grid_n 100 -out_checkpoint_every 500" + \
+        start_file(np.random.default_rng(3).uniform(0, 1, 100))
+    found = []
+    for ranks in (1, 3):
+        s, _ = run(given, ranks=ranks)
+        check(s["clusters"] is not None and s["events"] > 10, f"{ranks}: {s['clusters']}")
+        found.append((told(s), everything("r.h5")))
+    check(found[0][0] == found[1][0], f"{[key for key in found[0][0] if found[0][0][key] != found[1][0].get(key)]}")
+    check(found[0][1].keys() == found[1][1].keys() and
+          all(np.array_equal(a, found[1][1][name], equal_nan=a.dtype.kind == "f") for name, a in found[0][1].items()
+              if not name.startswith("provenance")), "the files differ")
+    name = sorted(glob.glob("r.chk-*.h5"))[0]
+    run(f"-restart {name} -out_file r.h5", ranks=2)
+    check(np.array_equal(found[0][1]["events/t"], everything("r.h5")["events/t"]), "behind a checkpoint")
+    # one block: a run, what fails in it, and other commands
+    block = "-model_form chain -grid_n 1 -bc_left free "
+    alone, both = (run(block + "-ts_max_time 5 -out_probes 0", ranks=ranks)[0]["probes"] for ranks in (1, 2))
+    check(alone == both, f"{alone} {both}")
+    refused(block + "-model_m 0 -model_zeta 0.5 -init_psi 1", 1, "does not say what psi is", ranks=2)
+    check(len(run(block, ranks=2, command="spectrum")[0]["eigenvalues"]) == 2, "spectrum")
+
+
+def test_a_resting_rank_takes_no_processor():
+    given = CARLSON + " -model_k1 9 -model_v 1e-3 -grid_n 2000 -ts_max_time 1e6 -ts_max_wall 3s -out_file z.h5" + \
+        start_file(np.random.default_rng(2).uniform(0, 1, 2000))
+    with subprocess.Popen(line(given, 2, pids="pids"), stderr=subprocess.DEVNULL) as process:
+        ranks = ranks_of(process, 2, "pids")
+        while not os.path.exists("z.h5") and process.poll() is None:
+            time.sleep(0.01)
+
+        def spent():
+            return [sum(int(x) for x in open(f"/proc/{rank}/stat", encoding="ascii").read().rsplit(")")[1].split()[11:13]) for rank in ranks]
+        before = spent()
+        time.sleep(1)
+        used = sorted(b - a for a, b in zip(before, spent()))
+        process.communicate(timeout=60)
+    check(used[0] <= 0.1 * used[1], f"processor time of the two ranks over a second: {used}")
 
 
 def test_an_event_costs_what_slips():
@@ -272,4 +322,3 @@ def test_what_cannot_be_had_is_refused():
                       (" -out_maxima 3", "out_maxima"), (" -lyapunov_count 1", "lyapunov_count"),
                       (" -friction_stick regularised", "stick")):
         refused(given + more, 2, "stick_clusters on", why)
-    refused(given, 2, "stick_clusters on", "one rank", ranks=2)

@@ -303,7 +303,6 @@ PARALLEL = [
     (["run", "binary.yaml"], "binary.yaml:1: not a text file"),
     (["run", "missing.yaml"], "scene missing.yaml: No such file"),
     (["run", "-model_gama", "3"], "did you mean -model_gamma?"),
-    (["run", "-grid_n", "1", "-model_form", "chain"], "more ranks (2) than nodes"),
     (["run", "-out_file", "notes.txt"] + SHORT, "notes.txt"),
     (["run", "-summary", "/nonexistent/a.json"] + SHORT, "/nonexistent"),
     (["run", "-ts_rtoll", "1"] + SHORT, "did you mean -ts_rtol?"),
