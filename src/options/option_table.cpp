@@ -358,6 +358,12 @@ void chart_options(OptionTableBuilder& t) {
   t.reals("chart_steps", "steps of methods without an error estimate", "time")
       .above(0)
       .unset("tolerance^(1/order)/sqrt(A K0)");
+  t.reals("chart_smoothing",
+          "of exact stick: velocities over which the threshold is smoothed (friction_eps), each with rows of "
+          "its own",
+          "velocity")
+      .above(0)
+      .unset("none");
   t.integers("chart_orders", 2, 8, "grid orders")
       .unset("grid_order; where that is unset 2,4,8 (2,4,6 with held ends)");
   t.integers("chart_grids", 1, n_max, "grid sizes").unset("grid_n/2,grid_n");

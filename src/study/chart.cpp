@@ -32,6 +32,8 @@ Table<ChartRow> chart_table() {
             [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
            {"step", "time", "step, where all are the same",
             [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},
+           {"eps", "velocity", "velocity over which a threshold is smoothed; 0: as the scene has it",
+            [](Row r) { return r.setting.eps; }},
            {"order", "1", "order in space", [](Row r) { return r.setting.order; }},
            {"n", "1", "nodes", [](Row r) { return r.setting.n; }},
            {"error", "1", "largest error of psi and eta", &ChartRow::error},
@@ -195,7 +197,8 @@ std::vector<Setting> chart_settings(const Options& options) {
   if (scene.massless())
     usual.insert(usual.end(), {"arkimex:3:both", "arkimex:4:both"});  // nothing to split
   else
-    usual.insert(usual.end(), {"arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave"});
+    usual.insert(usual.end(), {"arkimex:3:friction", "arkimex:4:friction"});
+  if (!scene.massless() && !scene.friction.sticks()) usual.emplace_back("arkimex:4:wave");
   usual.emplace_back("rosw:ra34pw2");
   const std::vector<MethodSpec> list = chart_methods(options, usual);
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
@@ -210,32 +213,36 @@ std::vector<Setting> chart_settings(const Options& options) {
     grids.push_back(scene.n);
   }
 
+  std::vector<double> smoothings = options.reals("chart_smoothing");
+  if (!smoothings.empty() && !scene.friction.sticks())
+    throw UsageError("chart_smoothing " + options.text("chart_smoothing") +
+                     ": what it is compared with is exact stick (friction_stick exact), which this scene does "
+                     "not have");
+  smoothings.insert(smoothings.begin(), 0);
   const double rate = scales_of(scene).rate;
   std::vector<Setting> settings;
-  for (const MethodSpec& method : list)
-    for (const int order : orders)
-      for (const PetscInt n : grids) {
-        const auto add = [&](double tolerance, double step) {
-          const Setting s{method, tolerance, step, order, n};
-          (void)Scene::from(options_for(options, s), false);
-          settings.push_back(s);
-        };
-        if (!method.can().has_estimate && !steps.empty()) {
-          for (const double step : steps) add(0, step);
-          continue;
+  for (const double eps : smoothings)
+    for (const MethodSpec& method : list)
+      for (const int order : orders)
+        for (const PetscInt n : grids) {
+          const auto add = [&](double tolerance, double step) {
+            const Setting s{method, tolerance, step, order, n, eps};
+            (void)Scene::from(options_for(options, s), false);
+            settings.push_back(s);
+          };
+          if (!method.can().has_estimate && !steps.empty()) {
+            for (const double step : steps) add(0, step);
+            continue;
+          }
+          for (const double tolerance : tolerances)
+            add(tolerance, method.can().has_estimate ? 0 : std::pow(tolerance, 1. / method.order()) / rate);
         }
-        for (const double tolerance : tolerances)
-          add(tolerance, method.can().has_estimate ? 0 : std::pow(tolerance, 1. / method.order()) / rate);
-      }
   return settings;
 }
 
 int chart_errors(const Options& options) {
   refuse_what_rows_choose(options);
   const Scene scene = Scene::from(options, false);
-  if (scene.friction.sticks())
-    throw UsageError("friction_stick exact: a chart needs friction_stick regularised with friction_law " +
-                     to_string(scene.friction.law));
   if (options.real("ts_max_time") == 0) throw UsageError("ts_max_time 0: a chart needs a run of some length");
   const std::string out_file = options.text("out_file");
   const OutputLock lock = check_outputs(out_file, options.text("summary"));

@@ -7,6 +7,7 @@
 #include <ctime>
 #include <limits>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "base/broadcast.hpp"
@@ -37,6 +38,8 @@ Options options_for(const Options& options, const Setting& setting) {
   Options result = options.with("grid_n", std::to_string(setting.n));
   if (options.text("model_form") != "chain")
     result = result.with("grid_order", std::to_string(setting.order));
+  if (setting.eps > 0)
+    result = result.with("friction_stick", "regularised").with("friction_eps", number_text(setting.eps));
   return result;
 }
 
@@ -60,11 +63,11 @@ MethodSpec spec_of(const Options& options, const Setting& setting) {
 }
 
 void check_settings(const Options& options, const std::vector<Setting>& settings) {
-  std::set<std::pair<std::string, std::string>> methods_seen;
+  std::set<std::tuple<std::string, std::string, double>> methods_seen;
   std::set<std::pair<PetscInt, int>> grids_seen;
   for (const Setting& s : settings) {
     const bool new_grid = grids_seen.emplace(s.n, s.order).second;
-    const bool new_method = methods_seen.emplace(s.method.name(), s.method.implicit).second;
+    const bool new_method = methods_seen.emplace(s.method.name(), s.method.implicit, s.eps).second;
     if (!new_grid && !new_method) continue;
     const Options here = options_for(options, s);
     std::vector<std::string> unheard;

@@ -202,7 +202,7 @@ bool WorkPrecision::looser_took_too_long(const Setting& s) const {
     const Setting& o = other.setting;
     const bool stopped = other.fault == Fault::too_slow || other.fault == Fault::too_many_steps;
     return stopped && o.method.name() == s.method.name() &&
-           o.method.implicit == s.method.implicit && o.order == s.order && o.n == s.n &&
+           o.method.implicit == s.method.implicit && o.order == s.order && o.n == s.n && o.eps == s.eps &&
            (s.method.can().has_estimate ? s.tolerance <= o.tolerance : s.step <= o.step);
   });
 }
@@ -222,7 +222,7 @@ Trial WorkPrecision::repeated(const Setting& s, ChartRow& row) const {
   }
   row.seconds = median(seconds);
   row.repeats = int(seconds.size());
-  row.method = trial.method;
+  row.method = trial.method + (s.eps > 0 ? ", smoothed over " + number_text(s.eps) : "");
   row.implicit = trial.implicit;
   row.steps = trial.steps;
   row.rejections = trial.rejections;

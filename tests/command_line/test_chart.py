@@ -155,7 +155,7 @@ def test_chain_and_rows_that_fail():
     (["-chart_orders", "8", "-bc_left", "velocity"], "chart_orders"), (["-ts_type", "rk"], "ts_type"),
     (["-ts_rtol", "1e-3"], "ts_rtol"), (["-model_form", "chain", "-chart_grids", "8,16"], "chart_grids"),
     (["-init_noise", "0.1", "-init_noise_length", "0", "-chart_grids", "16,32"], "chart_grids"), (["-ts_max_time", "0"], "ts_max_time"),
-    (["-friction_law", "coulomb"], "friction_stick"),
+    (["-chart_smoothing", "1e-3"], "chart_smoothing"),
     (["-chart_kind", "error2"], "chart_kind"), (["-chart_repeats", "0"], "chart_repeats")])
 def test_wrong_use(words, names):
     """Exit code 2, one line that names the option, no file."""
@@ -163,6 +163,21 @@ def test_wrong_use(words, names):
     lines = [line for line in said.splitlines() if "error" in line]
     assert len(lines) == 1 and names in lines[0], (words, said)
     assert not os.path.exists("no.h5")
+
+
+def test_exact_stick_and_smoothing():
+    rows = summary(os.path.join(SOURCE, "runs", "chart-stick.yaml"), "-chart_methods", "rk:7vr,arkimex:4:friction", "-chart_tolerances",
+                   "1e-5,1e-8", "-chart_smoothing", "1e-4,1e-5", "-chart_repeats", 1, "-chart_row_seconds", 0.1)["rows"]
+    error = {(r["method"], r["eps"], r["tolerance"]): r["error"] for r in rows}
+    for method in ("rk:7vr", "arkimex:4"):  # a thousandth of the tolerance: fourth order and more divide by 100 at least
+        assert error[method, 0, 1e-8] < 0.01 * error[method, 0, 1e-5] < 1e-3, error
+    smoothed = [error[f"arkimex:4, smoothed over {eps}", float(eps), 1e-8] for eps in ("1e-04", "1e-05")]
+    assert 5 < smoothed[0] / smoothed[1] < 15 and smoothed[1] > 1e3 * error["arkimex:4", 0, 1e-8], smoothed
+    # in the continuum, with a state
+    rows = summary("-friction_law", "stribeck", "-friction_stick", "exact", "-state_law", "healing", "-model_gamma", 3, "-grid_length", 10,
+                   "-grid_n", 21, "-init_type", "sine", "-init_psi", 0.2, "-init_amplitude", 0.3, "-ts_max_time", 1, "-chart_methods", "rk:7vr",
+                   "-chart_tolerances", "1e-4,1e-7", "-chart_orders", 2, "-chart_grids", 21, "-chart_repeats", 1, "-chart_reference_seconds", 0.1)["rows"]
+    assert rows[1]["error_time"] < 0.1 * rows[0]["error_time"], rows
 
 
 def test_limits_are_drawn_in_one_panel():

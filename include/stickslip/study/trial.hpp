@@ -25,6 +25,7 @@ struct Setting {
   double step = 0;          // ts_dt of a method without an error estimate, in units of time
   int order = 4;            // of the second difference in space
   PetscInt n = 0;           // nodes
+  double eps = 0;           // over which a threshold is smoothed (friction_eps); 0: as the scene has it
   // Accepted and rejected steps after which a run is given up.
   std::int64_t most_attempts = std::numeric_limits<std::int64_t>::max();
 };
