@@ -167,7 +167,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table
     if table:
         write_table(table, paths, runs)
     picture = Picture(5.8)
-    (curve, place), (slip, moment) = picture.subplots(2, 2)
+    (curve, place), (slip, deficit) = picture.subplots(2, 2)
     names = names_of(paths, option)
     draw_curve(picture, curve, runs, names, bounds, kind)
     run, events = runs[0], runs[0]["events"]
@@ -176,8 +176,10 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table
     gone = run["plate"].shift(times)
     plate = times, np.sign(run["shift"]) * (gone - gone[0])
     draw_slip(picture, slip, run, plate)
-    draw_deficit(picture, moment, run)
-    first = f"map, slip and moment: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""
+    draw_deficit(picture, deficit, run)
+    for axes in (slip, deficit):
+        axes.locator_params(axis="x", nbins=5)
+    first = f"map and slip: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""
     picture.title(first + run["title"])
     return picture
 
