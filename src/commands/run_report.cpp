@@ -82,6 +82,12 @@ void Run::report(Summary& summary, bool complete) {
   set_keys(summary, work_columns(), work());
   if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
   summary.wrote(last_checkpoint_);
+  if (options_.is_set("snes_mf") && rejections() > std::int64_t(r.steps) / 4)
+    warn(
+        fmt::format("-snes_mf: {} steps were taken back beside {} accepted: without a matrix there is no "
+                    "preconditioner, and GMRES does not come to the end of Newton's linear equations; "
+                    "-snes_fd takes differences, too, and solves directly",
+                    rejections(), r.steps));
   if (complete) {
     problem_.model.set_time(r.t);
     problem_.model.set_held(problem_.u);

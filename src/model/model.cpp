@@ -158,6 +158,7 @@ void Model::over_ranges(Vec u, Vec f, bool coupled, const Take& take) const {
 
 void Model::rhs(Part part, Vec u, Vec f) const {
   ++evaluations_;
+  log_flops(*this, 1);
   if (massless_) u = settle_copy(u);
   over_ranges(u, f, has_stencil(part),
               [&](const InterleavedRange& r) { right_hand_side_->take(part, v_, r); });

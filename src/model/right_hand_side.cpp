@@ -8,6 +8,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/frictions.hpp"
@@ -397,6 +398,12 @@ void MasslessChain::add_own(const double* u, const double* slopes, double alpha,
   }
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+}
+
+void log_flops(const Model& model, long evaluations) {
+  const double stencil = 1.5 * model.scene().order + 1;
+  const double node = stencil + (model.viscous() ? stencil + 1 : 0) + 9 + 10 + (model.dof() == 3 ? 10 : 0);
+  (void)PetscLogFlops(double(evaluations) * double(model.local()) * node);
 }
 
 }  // namespace stickslip

@@ -24,6 +24,12 @@
 
 namespace stickslip {
 
+class Model;
+
+// Floating-point operations of so many evaluations on this rank's nodes, for -log_view: those of the stencil
+// and of the sums; friction counts as ten whatever the law, a state with its rate as ten more.
+void log_flops(const Model& model, long evaluations);
+
 // psi of the nodes on either side of a rank's own, which its stencil reaches: other ranks' nodes, and beyond
 // the ends of the scene what these make of nodes inside (stencil.hpp).
 class PsiHalo {

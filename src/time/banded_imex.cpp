@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
+#include "model/right_hand_side.hpp"
 #include "numerics/lanes.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -89,6 +90,7 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
     }
   }
   model_.count_evaluations(2L * method_.stages);
+  log_flops(model_, 2L * method_.stages);
   if (!solved) return {true, -1, false};
   StepErrors::Sums sums;
   const Writing b(u_new);

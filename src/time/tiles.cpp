@@ -7,6 +7,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/frictions.hpp"
 
@@ -320,7 +321,9 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
         });
   }
   const Model& model = tiles_.model();
-  model.count_evaluations(explicit_slopes(step.all) + implicit_slopes());
+  const long evaluations = explicit_slopes(step.all) + implicit_slopes();
+  model.count_evaluations(evaluations);
+  log_flops(model, evaluations);
   return StepErrors::over_ranks(model.comm(), sums, norm, estimate, double(model.scene().n) * model.dof());
 }
 
