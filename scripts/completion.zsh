@@ -9,6 +9,10 @@ _stickslip() {
   elif [[ $words[CURRENT] == -* ]]; then
     found=(${(f)"$($program $command -help 2>/dev/null | sed -n 's/^  \(-[a-z]\w*\) .*/\1/p')"})
     compadd -a found
+  elif [[ $before == -(boundary_parameter|sweep_parameter|cycle_continue|wave_continue|fit_parameters)* ]]; then
+    found=(${(f)"$($program $command -help 2>/dev/null | sed -n 's/^  -\([a-z]\w*\) \[.*\]: a finite number.*/\1/p')"})
+    compset -P '*,'
+    compadd -a found
   else
     [[ $before == -* ]] &&
       found=(${=$($program $command -help 2>/dev/null | sed -n "s/^  $before \[.*\]: one of \(.*\)/\1/p" | tr -d ,)})

@@ -25,6 +25,8 @@ struct ObserverTypes {
   }
 };
 
+const std::vector<OwnObserver>& own_observers();  // that a program of one's own has registered
+
 std::vector<SummaryKey> quantity_keys();
 std::vector<std::unique_ptr<Observer>> make_quantities(const Model& model);
 

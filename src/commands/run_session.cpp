@@ -147,6 +147,7 @@ void Run::make_observers(const MeasureMaker& measure, const std::optional<Checkp
   observers_.push_back(std::move(regime));
   observers_.push_back(std::make_unique<RestFraction>(model, options_.real("ts_max_time")));
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
+  for (const OwnObserver& own : own_observers()) observers_.push_back(own.make(model));
   if (options_.boolean("out_events")) {
     auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_),
                                                  options_.boolean("out_rupture"), plate_);

@@ -25,17 +25,24 @@ constexpr auto never = Adaptivity::never;
 constexpr auto on_request = Adaptivity::on_request;
 constexpr auto yes = Adaptivity::yes;
 
-// The methods that register_method() added.
+// What register_method() and register_tableau() added.
 struct RegisteredMethod {
   Method method;
   PetscErrorCode (*create)(TS);
 };
 struct Registry {
   std::vector<RegisteredMethod> methods;
+  std::vector<AddedTableau> tableaus;
   bool read = false;  // no more can be added
 };
 Registry& registry() {
   static Registry all;
+  return all;
+}
+
+std::vector<AddedTableau> all_tableaus() {
+  std::vector<AddedTableau> all = added_tableaus();
+  all.insert(all.end(), registry().tableaus.begin(), registry().tableaus.end());
   return all;
 }
 
@@ -104,7 +111,7 @@ std::vector<Method> make_table() {
        "generalised alpha: damps the shortest waves by ts_alpha_radius"},
       {leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"},
   };
-  for (const AddedTableau& added : added_tableaus()) table.push_back(added.method);
+  for (const AddedTableau& added : all_tableaus()) table.push_back(added.method);
   for (const RegisteredMethod& registered : registry().methods) table.push_back(registered.method);
   return table;
 }
@@ -120,6 +127,19 @@ void register_method(const Method& method, PetscErrorCode (*create)(TS),
     if (type == other.type) throw std::logic_error("two methods are called " + type);
   registry().methods.push_back({method, create});
   for (const std::string& name : options) add_library_name(name);
+}
+
+void register_tableau(AddedTableau tableau) {
+  const std::string name = tableau.method.name();
+  const std::size_t stages = tableau.b.size();
+  if (registry().read) throw std::logic_error("method " + name + ": it is registered too late");
+  if (std::string(tableau.method.type) != "rk" || stages == 0 || tableau.A.size() != stages * stages ||
+      (!tableau.embedded.empty() && tableau.embedded.size() != stages))
+    throw std::logic_error("method " + name +
+                           ": a tableau of type rk has s weights and s times s coefficients");
+  for (const Method& other : make_table())
+    if (name == other.name()) throw std::logic_error("two methods are called " + name);
+  registry().tableaus.push_back(std::move(tableau));
 }
 
 const std::vector<Method>& methods() {
@@ -317,7 +337,7 @@ void register_time_steppers() {
   static bool done = false;
   if (std::exchange(done, true)) return;
   register_fused_types();
-  for (const AddedTableau& t : added_tableaus()) {
+  for (const AddedTableau& t : all_tableaus()) {
     const PetscInt stages = t.b.size();
     SS_TRY(TSRKRegister(t.method.subtype, t.method.order, stages, t.A.data(), t.b.data(), nullptr,
                         t.embedded.empty() ? nullptr : t.embedded.data(), 0, nullptr));

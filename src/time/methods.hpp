@@ -83,16 +83,6 @@ class FusedMethod {
 // The tableau of a TS of type rk.
 StageProgram tableau_of(TS rk);
 
-// An explicit Runge-Kutta method that the library lacks: type rk, the name of the tableau, and what else the
-// table of methods holds; with the tableau, s stages.
-struct AddedTableau {
-  Method method;
-  std::vector<double> A;  // s x s, row-major, below its diagonal
-  std::vector<double> b;  // weights of the step
-  // weights of the pair's other step, for the error estimate; none: fixed steps only
-  std::vector<double> embedded;
-};
-
 std::vector<AddedTableau> added_tableaus();  // added_tableaus.cpp
 
 // Leapfrog (Stoermer and Verlet) with friction implicit at the node, tile by tile.

@@ -8,6 +8,8 @@ import re
 import shutil
 import subprocess
 
+import h5py
+import numpy as np
 import pytest
 
 from calls import PROGRAM, SANITIZED, SOURCE, check
@@ -67,9 +69,14 @@ def test_installed():
     check(os.path.exists(os.path.join(prefix, "share", "man", "man1", "stickslip.1")), "man page")
     words = said("bash", "-c", """source "$1"; COMP_WORDS=("$2" run -model_g); COMP_CWORD=2; _stickslip
         echo "${COMPREPLY[@]}"; COMP_WORDS=("$2" run -model_form ch); COMP_CWORD=3; _stickslip; echo "${COMPREPLY[@]}"
-        COMP_WORDS=("$2" bou); COMP_CWORD=1; _stickslip; echo "${COMPREPLY[@]}" """, "bash",
+        COMP_WORDS=("$2" bou); COMP_CWORD=1; _stickslip; echo "${COMPREPLY[@]}"
+        COMP_WORDS=("$2" boundary -boundary_parameter model_ze); COMP_CWORD=3; _stickslip; echo "${COMPREPLY[@]}"
+        COMP_WORDS=("$2" fit -fit_parameters friction_a,friction_sl); COMP_CWORD=3; _stickslip; echo "${COMPREPLY[@]}"
+        COMP_WORDS=("$2" sweep -sweep_parameter1 model_v); COMP_CWORD=3; _stickslip; echo "${COMPREPLY[@]}"
+        COMP_WORDS=("$2" run -ts_type arkimex : 4); COMP_CWORD=5; _stickslip; echo "${COMPREPLY[@]}" """, "bash",
                  os.path.join(prefix, "share", "bash-completion", "completions", "stickslip"), program).split()
-    check(words == ["-model_gamma", "chain", "boundary"], f"completion: {words}")
+    check(words == ["-model_gamma", "chain", "boundary", "model_zeta", "friction_a,friction_slip_velocity", "model_v", "4"],
+          f"completion: {words}")
 
     book = os.path.join(prefix, "share", "doc", "stickslip")
     dead = []
@@ -174,6 +181,19 @@ def check_own_program(program):
     rows = summary_of(program, f"chart {RING} -init_type sine -ts_max_time 0.5 -chart_methods heun -chart_steps 0.02,0.01 "
                                "-chart_orders 4 -chart_grids 32 -chart_repeats 1")["rows"]
     check([row["method"] for row in rows] == ["heun", "heun"] and 3.5 < rows[0]["error"] / rows[1]["error"] < 4.5, f"{rows}")
+
+
+    # Kutta's method has order 3; the largest velocity is that of the program's own series
+    rows = summary_of(program, f"chart {RING} -init_type sine -ts_max_time 0.5 -chart_methods rk:kutta3 -chart_steps 0.02,0.01 "
+                               "-chart_orders 4 -chart_grids 32 -chart_repeats 1")["rows"]
+    check(7 < rows[0]["error"] / rows[1]["error"] < 9, f"kutta3: {rows}")
+    measured = summary_of(program, f"run {RING} -init_type sine -ts_max_time 3 -ts_type rk:kutta3 -out_file own.h5")
+    with h5py.File("own.h5") as file:
+        own, series = file["fastest/psi"][:], file["series"]
+        both = np.maximum(np.abs(series["psi_min"][:]), np.abs(series["psi_max"][:]))
+        check(len(own) == measured["steps"] + 1 and np.array_equal(own, both) and file["fastest/psi"].attrs["units"] == "length/time",
+              "a series of one's own")
+    check(measured["fastest"] == own.max() and measured["method"] == "rk:kutta3", f"{measured['fastest']} {own.max()}")
 
 
 def test_a_petsc_that_does_not_fit():

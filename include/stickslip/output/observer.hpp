@@ -27,6 +27,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "stickslip/output/archive.hpp"
@@ -35,6 +36,7 @@
 
 namespace stickslip {
 
+class Model;
 struct MovedNodes;  // src/model/moved_nodes.hpp
 class MediumNow;
 
@@ -83,5 +85,19 @@ class Observer {
   // it failed, so that only what counts steps has something to say.
   virtual void summarise(Summary&, Vec) {}
 };
+
+// An observer of a program of one's own: the keys that it sets in the summary of `run`, and how it is made.
+// Series of its own it announces in plan() as a RowGroup of the layout, and writes with RunFile::row.
+struct OwnObserver {
+  std::vector<SummaryKey> keys;
+  std::function<std::unique_ptr<Observer>(const Model&)> make;
+};
+// To be called before stickslip::main. Throws std::logic_error for a key that is there already.
+void register_observer(OwnObserver observer);
+// T(const Model&), static T::keys().
+template <class T>
+void register_observer() {
+  register_observer({T::keys(), [](const Model& model) { return std::make_unique<T>(model); }});
+}
 
 }  // namespace stickslip

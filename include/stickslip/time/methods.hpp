@@ -102,4 +102,17 @@ struct MethodSpec {
 void register_method(const Method& method, PetscErrorCode (*create)(TS),
                      const std::vector<std::string>& options = {});
 
+// An explicit Runge-Kutta method that the library lacks: type rk, the name of the tableau, and what else the
+// table of methods holds; with the tableau, s stages.
+struct AddedTableau {
+  Method method;
+  std::vector<double> A;  // s x s, row-major, below its diagonal
+  std::vector<double> b;  // weights of the step
+  // weights of the pair's other step, for the error estimate; none: fixed steps only
+  std::vector<double> embedded;
+};
+// Has every command take it, as -ts_type rk:NAME too. To be called before stickslip::main. Throws
+// std::logic_error for a name that is there already, sizes that do not fit, and once the table has been read.
+void register_tableau(AddedTableau tableau);
+
 }  // namespace stickslip

@@ -1,9 +1,15 @@
-// A program with a law and a method of its own, compiled from an installed copy of the library: the cubic law
-// and Heun's method once more, so that what comes out is known.
+// A program with a law, methods and a measure of its own, compiled from an installed copy of the library: the
+// cubic law and Heun's method once more, Kutta's method of order 3 and the largest velocity of a run, so that
+// what comes out is known.
 #include <petsc/private/tsimpl.h>  // for writers of TS types
+
+#include <algorithm>
+#include <cmath>
 
 #include "commands/register_law.hpp"
 #include "stickslip/commands/program.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
 #include "stickslip/time/methods.hpp"
 
 namespace {
@@ -22,6 +28,39 @@ struct MyCubic : stickslip::LawDefaults {
     return {scale * (psi * (psi * psi * (1. / 3) - 1)), scale * (psi * psi - 1)};
   }
   stickslip::SlopeBounds slope_bounds() const { return {0, 3 * scale}; }
+};
+
+// ---- the largest |psi| of any node: `fastest` of the summary, its course is `fastest/psi` of the file ----
+
+class Fastest : public stickslip::Observer {
+ public:
+  static std::vector<stickslip::SummaryKey> keys() {
+    return {{"fastest", "length/time", "the largest abs(psi) that any node has in the run"}};
+  }
+  explicit Fastest(const stickslip::Model& model) : model_(model) {}
+
+  void plan(stickslip::ObservationPlan& plan) override {
+    plan.layout.groups.push_back(
+        {"fastest", {"t", "time", "time"}, {{"psi", "length/time", "largest abs(psi) of all nodes"}}});
+  }
+  void archive(stickslip::Archive& a) override { a("fastest", largest_); }
+  void start(stickslip::RunFile* file) override { file_ = file; }
+  void step(const stickslip::ObservedStep& step) override {
+    const PetscScalar* u;
+    double now = 0;
+    if (VecGetArrayRead(step.u, &u)) return;
+    for (PetscInt i = 0; i < model_.local(); ++i) now = std::max(now, std::abs(u[i * model_.dof()]));
+    if (VecRestoreArrayRead(step.u, &u)) return;
+    MPI_Allreduce(MPI_IN_PLACE, &now, 1, MPI_DOUBLE, MPI_MAX, model_.comm());
+    largest_ = std::max(largest_, now);
+    if (file_) file_->row("fastest", step.t, {now});
+  }
+  void summarise(stickslip::Summary& summary, Vec) override { summary.set("fastest", largest_); }
+
+ private:
+  const stickslip::Model& model_;
+  stickslip::RunFile* file_ = nullptr;
+  double largest_ = 0;
 };
 
 // ---- Heun's method as a type of TS ----
@@ -91,5 +130,11 @@ int main(int argc, char** argv) {
   stickslip::register_method(
       {"heun", "", stickslip::MethodKind::explicit_, 2, stickslip::Adaptivity::never, "an example"},
       TSCreate_Heun);
+  stickslip::register_tableau(
+      {{"rk", "kutta3", stickslip::MethodKind::explicit_, 3, stickslip::Adaptivity::yes, "an example"},
+       {0, 0, 0, 0.5, 0, 0, -1, 2, 0},
+       {1 / 6., 2 / 3., 1 / 6.},
+       {0, 1, 0}});
+  stickslip::register_observer<Fastest>();
   return stickslip::main(argc, argv);
 }
