@@ -9,6 +9,7 @@ from figures_fit import draw_fit, draw_lab
 from figures_run import RUN_PICTURES, draw_run, movie, overlay
 from figures_sweep import draw_sweep
 from stickslip import Unusable, reading, text
+from style import take_names
 
 KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "cycle": draw_cycle,
          "boundary": draw_boundary, "chart": draw_chart, "sweep": draw_sweep, "fit": draw_fit}
@@ -49,6 +50,7 @@ def make(args, output):
         for path in args.files:
             args.file = path
             files.append(stack.enter_context(reading(path)))
+            take_names(files[-1])
         args.file = args.files[0]
         try:
             if args.movie and len(files) == 1 and text(files[0].attrs.get("kind", "")) == "run":

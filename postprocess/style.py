@@ -1,6 +1,7 @@
 """How every picture looks, in one place: one width and one size of type, so that they are alike on a page; colours, styles of
 lines, tints of regions; names of axes in words with symbols; and the figure that places its labels (placing.py)."""
 import io
+import json
 import os
 import re
 import textwrap
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E402
 
 from placing import Placing  # noqa: E402
-from stickslip import GREEK, SYMBOL  # noqa: E402
+from stickslip import GREEK, SYMBOL, options, text  # noqa: E402
 
 OWN = {
     "figure.figsize": [7.2, 4.8], "font.size": 9, "figure.dpi": 150, "savefig.dpi": 150, "mathtext.default": "it",
@@ -25,6 +26,7 @@ OWN = {
 # A matplotlibrc of the user's own holds where it says something else than matplotlib does.
 matplotlib.rcParams.update({name: value for name, value in OWN.items()
                             if matplotlib.rcParams[name] == matplotlib.rcParamsDefault[name]})
+UNITS = {}         # of quantities and options, where the scene says some: {name: "m/s"}
 as_given = set()   # words that stand as the user gave them
 given_size = None  # width and height in inches, in place of the width of rcParams and each picture's height
 
@@ -39,6 +41,27 @@ def choose(style=None, size=None, names=()):
     for name, words in dict(names).items():
         NAMES[name], SYMBOLS[name] = words, ""
         as_given.add(words)
+
+
+def take_names(file):
+    """The units and labels of a file's scene."""
+    every = options(file)
+    if "option_units" in file.attrs:
+        UNITS.update(json.loads(text(file.attrs["option_units"])))
+        def note(name, dataset):
+            unit = text(dataset.attrs.get("units", ""))
+            if unit not in ("", "1"):
+                UNITS.setdefault(name.rsplit("/", 1)[-1], unit)
+        file.visititems(note)
+    for label in filter(None, every.get("labels", "").split(",")):
+        name, words = map(str.strip, label.split(":", 1))
+        if NAMES.get(name) not in as_given:
+            NAMES[name], SYMBOLS[name] = words, ""
+            as_given.add(with_unit(words, name))
+
+
+def with_unit(words, name):
+    return f"{words} ({UNITS[name]})" if name in UNITS and words not in as_given else words
 
 
 # Told apart by readers who see fewer colours, too (tests/command_line/test_plot.py). The last is for what is only compared.
@@ -79,14 +102,15 @@ def typeset(words):
 
 def axis_name(name):
     """A quantity or an option in words with its symbol; an option that has none by its name with blanks."""
-    return " ".join(filter(None, (NAMES.get(name, "" if name in SYMBOLS else name.replace("_", " ")), SYMBOLS.get(name))))
+    words = " ".join(filter(None, (NAMES.get(name, "" if name in SYMBOLS else name.replace("_", " ")), SYMBOLS.get(name))))
+    return with_unit(words, name)
 
 
 def name_axes(axes, x=None, y=None):
     """Of quantities, options, or other words."""
     for words, setter in ((x, axes.set_xlabel), (y, axes.set_ylabel)):
         if words is not None:
-            setter(typeset(axis_name(words) if words in NAMES or words in SYMBOLS else words))
+            setter(typeset(axis_name(words) if words in NAMES or words in SYMBOLS or words in UNITS else words))
 
 
 def logarithmic(axes, which):

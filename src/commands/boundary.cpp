@@ -341,7 +341,8 @@ void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
   found.checked = options.integer("boundary_verify") > 0;
   set_keys(summary, boundary_keys(), found);
   write_file(run, growth, found);
-  if (options.text("summary") != "-") print_points(growth.axes(), points);
+  const bool is_table = growth.axes().size() > 1;
+  if (options.text("summary") != "-" && !(is_table && run.has_file())) print_points(growth.axes(), points);
   describe(summary, growth, found);
 }
 

@@ -6,11 +6,14 @@
 #include <cmath>
 #include <map>
 
+#include "base/names.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
 namespace {
+
+constexpr int shown = 10;  // digits of a place, which is found to about 1e-10
 
 std::string unit(const Axis& axis) {
   const OptionSpec* spec = find_option(axis.name);
@@ -165,10 +168,11 @@ void say_along(Summary& summary, const Axis& axis, const std::string& what, cons
   double begin = 0;
   for (const double end : ends) {
     text += fmt::format("{}{} from {} to {}", text.empty() ? " " : ", ", word((begin + end) / 2),
-                        number_text(axis.value(begin)), number_text(axis.value(end)));
+                        rounded_text(axis.value(begin), shown),
+                        in_unit(axis.value(end), shown, unit(axis), axis.name));
     begin = end;
   }
-  summary.say("along " + axis.name + " " + what + text);
+  summary.say("along " + called(axis.name) + " " + what + text);
 }
 
 void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
@@ -212,7 +216,8 @@ void describe_curve(Summary& summary, const GrowthRate& growth, const std::vecto
   const auto range = [&](const Axis& axis, double Crossing::*value) {
     const auto [low, high] = std::minmax_element(points.begin(), points.end(),
                                                  [=](auto& a, auto& b) { return a.*value < b.*value; });
-    text += fmt::format(", {} {:.6g} to {:.6g}", axis.name, (*low).*value, (*high).*value);
+    text += fmt::format(", {} {:.6g} to {}", called(axis.name), (*low).*value,
+                        in_unit((*high).*value, 6, unit(axis), axis.name));
   };
   range(growth.axes()[0], &Crossing::value);
   range(growth.axes()[1], &Crossing::value2);
@@ -324,16 +329,18 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
                                                            {"stick-slip", "end of stick-slip, "},
                                                            {"waves", "waves on uniform stick-slip, "},
                                                            {"trains", "end of stable trains, "}};
+  const auto place = [&](std::size_t k, double value) {
+    return called(axes[k].name) + " " + in_unit(value, shown, unit(axes[k]), axes[k].name);
+  };
   for (const Crossing& c : points) {
-    const std::string frequency = "frequency " + number_text(c.frequency);
+    const std::string frequency = "frequency " + frequency_text(c.frequency, shown);
     const std::string mode = c.of != "sliding" ? frequency
                              : std::isfinite(c.wavenumber)
-                                 ? frequency + ", wavenumber " + number_text(c.wavenumber)
+                                 ? frequency + ", wavenumber " + rounded_text(c.wavenumber, shown)
                                  : "the limit of short waves";
     const std::string line =
-        fmt::format("{} {}{}  {}{}, {}{}\n", axes[0].name, number_text(c.value),
-                    axes.size() > 1 ? "  " + axes[1].name + " " + number_text(c.value2) : "", whose.at(c.of),
-                    c.kind, c.criticality.known() ? c.criticality.word() + ", " : "", mode);
+        fmt::format("{}{}  {}{}, {}{}\n", place(0, c.value), axes.size() > 1 ? "  " + place(1, c.value2) : "",
+                    whose.at(c.of), c.kind, c.criticality.known() ? c.criticality.word() + ", " : "", mode);
     SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s", line.c_str()));
   }
 }

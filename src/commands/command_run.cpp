@@ -1,14 +1,35 @@
 #include "commands/command_run.hpp"
 
+#include "base/failure.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 
 namespace stickslip {
 
+Names names_of(const Options& options) {
+  Names names{options.text("units_length"),
+              options.text("units_time"),
+              options.text("units_force"),
+              options.text("model_form") == "chain",
+              {}};
+  for (const std::string& label : options.words("labels")) {
+    const std::size_t colon = label.find(':');
+    const std::string name = trimmed(label.substr(0, colon));
+    const OptionSpec* spec = find_option(name);
+    if (!spec)
+      throw usage_error("labels: {}: no such option{}", stickslip::quoted(name),
+                        did_you_mean(nearest_option(name)));
+    if (colon == std::string::npos || trimmed(label.substr(colon + 1)).empty())
+      throw usage_error("labels: {}: no words for it; write {}: WORDS", stickslip::quoted(label), name);
+    names.labels[spec->name] = trimmed(label.substr(colon + 1));
+  }
+  return names;
+}
+
 CommandRun::CommandRun(const std::string& command, const Options& asked, const std::vector<SummaryKey>& keys)
-    : options(asked),
-      provenance(Provenance::of(command, options.all())),
+    : options((note_names(names_of(asked)), asked)), provenance(Provenance::of(command, options.all())),
       lock_(check_outputs(options.text("out_file"), options.text("summary"))),
       summary(provenance, keys, options.text("summary")) {}
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/found_until.hpp"
+#include "base/names.hpp"
 #include "output/table.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/reader.hpp"
@@ -15,6 +16,9 @@
 #include "stickslip/output/summary.hpp"
 
 namespace stickslip {
+
+// What the options units_* and labels say. Throws UsageError where a label is of no option.
+Names names_of(const Options& options);
 
 class CommandRun {
  public:

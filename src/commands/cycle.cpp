@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
+#include "base/names.hpp"
 #include "commands/command_run.hpp"
 #include "commands/cycle_problem.hpp"
 #include "commands/table.hpp"
@@ -200,11 +201,14 @@ void describe(Summary& summary, const FoundCycle& found) {
                                   ? ", that of the load"
                                   : fmt::format(", {} of the load", cycle.forcing_periods);
   summary.say(fmt::format(
-      "cycle of {}: period T = {:.12g}{}, error below {:.2g} of it; psi from {:.10g} to {:.10g}, force drop "
-      "{:.8g}{}",
-      cell, cycle.period, of_load, cycle.error_estimate, cycle.psi_min, cycle.psi_max, cycle.force_drop,
+      "cycle of {}: period T = {}{}, error below {:.2g} of it; psi from {:.10g} to {}, force drop {:.8g}{}",
+      cell, period_text(cycle.period, 12), of_load, cycle.error_estimate, cycle.psi_min,
+      in_unit(cycle.psi_max, 10, "velocity"), cycle.force_drop,
       cycle.rest_fraction > 0 ? fmt::format(", at rest for {:.4g} % of the time", 100 * cycle.rest_fraction)
                               : ""));
+  if (!names().length.empty() && !names().time.empty())
+    summary.say("amplitude, as of a sine: " +
+                amplitude_text((cycle.psi_max - cycle.psi_min) / 2, 2 * M_PI / cycle.period, 4));
   if (cycle.multipliers.size() < 2 && cycle.forcing_periods == 0) {
     summary.say("perturbations: none but a shift along the motion itself; a rest erases every other");
     return;

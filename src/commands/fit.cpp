@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "base/names.hpp"
 #include "commands/command_run.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -27,6 +28,15 @@ Columns<Fit> keys() {
   return {
       {"parameters", "", "of each option that was sought, in their order: `name`, `value`, `error`",
        [](const Fit& fit) { return list_of(parameter_table(), fit.parameters); }},
+      {"trend", "",
+       "with `fit_trend`: the drift that was found, `value` for a unit of the first column, and its `error`",
+       [](const Fit& fit) {
+         return fit.drift ? Json::object({{"value", *fit.drift}, {"error", fit.drift_error}}) : Json();
+       }},
+      {"residual_correlation", "1", "of neighbouring rows of what is left", &Fit::residual_correlation},
+      {"independent_rows", "1",
+       "independent rows that tell as much: the errors are too small by the root of all rows over these",
+       &Fit::independent_rows},
       {"correlation", "1", "of their errors: a row for each; null where an error is",
        [](const Fit& fit) { return Json(fit.correlation); }},
       {"residual", "", "root of the mean square of what is left, in the unit of the data", &Fit::residual},
@@ -59,8 +69,10 @@ void add_fit(ResultFile& file, const Options& options, const FitProblem& problem
 void describe(Summary& summary, const Fit& fit, int starts, const std::string& unit) {
   std::string text;
   for (const FitParameter& p : fit.parameters)
-    text += fmt::format("{}{} {:.6g}{}", text.empty() ? "" : ", ", p.name, p.value,
-                        std::isnan(p.error) ? "" : fmt::format(" +- {:.2g}", p.error));
+    text += (text.empty() ? "" : ", ") + called(p.name) + " " +
+            in_unit(with_error(p.value, p.error), find_option(p.name)->unit, p.name);
+  if (fit.drift)
+    text += ", drift " + with_error(*fit.drift, fit.drift_error) + " for a unit of the first column";
   summary.say(text);
   summary.say(
       fmt::format("what is left: {:.4g}{} (root mean square); {} of {} starts ended there, in {} runs",
@@ -79,6 +91,14 @@ void warn_of(const Fit& fit, int starts) {
          " apart: a change of one is made up for by the others; no errors are given. Fix one of them");
   if (fit.together.size() == 1)
     warn("the best fit does not depend on " + fit.together[0] + "; no errors are given");
+  const double rows = double(fit.course.size()), enough = 3 / std::sqrt(rows),
+               factor = std::sqrt(rows / fit.independent_rows);
+  if (fit.residual_correlation > enough && factor > 1.1)
+    warn(
+        fmt::format("what is left of neighbouring rows is alike (correlation {:.2f}): {:.0f} rows tell as "
+                    "much as {:.0f} independent ones, and the errors are too small by a factor of about "
+                    "{:.2g}",
+                    fit.residual_correlation, rows, fit.independent_rows, factor));
   for (const FitParameter& p : fit.parameters)
     if (p.at_bound)
       warn(p.name + " " + number_text(p.value) +

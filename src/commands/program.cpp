@@ -11,6 +11,7 @@
 
 #include "base/process.hpp"
 #include "base/pulse.hpp"
+#include "commands/command_run.hpp"
 #include "commands/rank_groups.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -125,6 +126,7 @@ int program(int argc, char** argv) {
         if (options.is_set("options_view") && speaks) print(own_options(options, false));
         if (const std::vector<std::string> idle = options.idle(); !idle.empty() && line.command != "run")
           warn("without effect here: " + joined(idle));
+        note_names(names_of(options));  // of a run that goes on those of its checkpoint take their place
         const auto body = [&] { return command.body(options); };
         code = command.has_grid && !options.is_set("restart") ? on_ranks_of(options, body) : body();
         if (options.is_set("options_left") && speaks) print(own_options(options, true));

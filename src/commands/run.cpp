@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <stdexcept>
 
 #include "base/json_values.hpp"
+#include "base/names.hpp"
 #include "base/progress.hpp"
 #include "commands/command_run.hpp"
 #include "commands/quantities.hpp"
@@ -15,9 +17,11 @@
 #include "output/rest_fraction.hpp"
 #include "output/series.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/accuracy.hpp"
+#include "stickslip/study/reduce.hpp"
 #include "stickslip/study/size.hpp"
 #include "study/lyapunov.hpp"
 
@@ -117,23 +121,39 @@ std::string course_of(const Json& rate) {
   return fmt::format("{} like exp({} t)", rate > 0 ? "grow" : "decay", rounded(rate, 3));
 }
 
+// A key of the summary that is there, with its unit.
+std::string measured(const Summary& s, const char* key, const char* dimension, int digits = 4) {
+  return in_unit(rounded(of(s, key), digits), dimension, key);
+}
+
 // A catalogue's first words.
 std::string event_words(const Summary& s) {
   if (of(s, "events") == 0) return "no slip event";
   std::string text =
       fmt::format("{} slip events, the largest of moment {}, up to {} nodes", of(s, "events").dump(),
-                  rounded(of(s, "largest_moment")), rounded(of(s, "largest_extent")));
+                  measured(s, "largest_moment", "length^2"), rounded(of(s, "largest_extent")));
   if (!s.is_null("b"))
-    text += fmt::format(", b = {} +- {}", rounded(of(s, "b"), 3), rounded(of(s, "b_error"), 1));
+    text += ", b = " + with_error(of(s, "b").get<double>(), of(s, "b_error").get<double>());
   return text;
 }
 
 std::string range_words(const Summary& s, const std::string& over) {
   if (s.is_null("psi_low")) return "";
   const Json& mean = of(s, "psi_loaded_mean");
+  const auto size = [&](const char* key) { return std::abs(of(s, key).get<double>()); };
+  const bool is_rest = !mean.is_null() && size("psi_low") == 0 && size("psi_high") == 0;  // but for rounding
   return fmt::format("psi {}from {} to {} over the last {}",
-                     mean.is_null() ? "" : rounded(mean) + " in the mean, ", rounded(of(s, "psi_low")),
-                     rounded(of(s, "psi_high")), over);
+                     mean.is_null() ? "" : (is_rest ? "0" : rounded(mean)) + " in the mean, ",
+                     rounded(of(s, "psi_low")), measured(s, "psi_high", "velocity"), over);
+}
+
+// Whether uniform motion that begins at rest goes on sticking and slipping.
+bool sticks_from_rest(const Scene& scene) {
+  if (!scene.nodes_alike() || scene.forced() || scene.massless() || !scene.friction.sticks() ||
+      !(scene.K0() > 0) || scene.v == 0)
+    return false;
+  constexpr double tolerance = 1e-8;
+  return distance_from_graze(cell_of(scene, scene.n), tolerance).distance < 0;
 }
 
 // What the motion is, and what steady sliding beside it would do.
@@ -148,30 +168,31 @@ std::string motion_words(const Summary& s, const Scene& scene) {
     parts.push_back(regime);
     if (regime == "stick-slip" && scene.friction.jumps_at_rest() && of(s, "rest_fraction") == 0)
       parts.push_back("though nothing rests");
-    if (!s.is_null("period")) parts.push_back("period " + rounded(of(s, "period")));
+    if (!s.is_null("period")) parts.push_back("period " + period_text(of(s, "period").get<double>(), 4));
     if (regime != "stuck")
       parts.push_back(range_words(s, s.is_null("period") ? "quarter of the run" : "period"));
   } else if (!events) {
     parts.push_back(regime);
     parts.push_back(range_words(s, "quarter of the run"));
     if (const Json& time = of(s, "time_to_decide"); !time.is_null())
-      parts.push_back("a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)");
+      parts.push_back("a run to t = " + in_unit(rounded(time, 3), "time") + " should decide (-ts_max_time)");
   }
   parts.erase(std::remove(parts.begin(), parts.end(), ""), parts.end());
   std::string text = joined(parts);
   const Json &pulses = of(s, "pulses"), &speed = of(s, "wave_speed");
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
-  if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
+  if (!speed.is_null()) text += ", waves of speed " + measured(s, "wave_speed", "velocity");
   if (const Json& rate = of(s, "growth_rate"); !rate.is_null())
     text += fmt::format("; steady sliding is {}: perturbations {}", stability_word(rate.get<double>()),
                         course_of(rate));
+  if (regime == "sliding" && sticks_from_rest(scene)) text += "; from rest it sticks and slips";
   return text;
 }
 
 // How it was computed.
 std::string work_words(const Summary& s) {
   const Json& plate = of(s, "plate_time");
-  std::string text = "t = " + rounded(of(s, "t_end"), 6) +
+  std::string text = "t = " + measured(s, "t_end", "time", 6) +
                      (plate.is_null() ? "" : " (the plate's clock: " + rounded(plate, 6) + ")") + " in " +
                      of(s, "steps").dump() + " steps of " + of(s, "method").get<std::string>() + " (" +
                      of(s, "rejections").dump() + " rejected), " + of(s, "unknowns").dump() + " unknowns";
@@ -269,6 +290,7 @@ std::vector<SummaryKey> run_keys() {
   std::vector<SummaryKey> keys = keys_of(work_columns());
   for (const auto& more : {quantity_keys(), observed_keys()})
     keys.insert(keys.end(), more.begin(), more.end());
+  for (const OwnObserver& own : own_observers()) keys.insert(keys.end(), own.keys.begin(), own.keys.end());
   return keys;
 }
 
@@ -316,7 +338,22 @@ int run(const Options& asked) {
   });
 }
 
+std::vector<OwnObserver>& registered() {
+  static std::vector<OwnObserver> all;
+  return all;
+}
+
 }  // namespace
+
+const std::vector<OwnObserver>& own_observers() { return registered(); }
+
+void register_observer(OwnObserver observer) {
+  for (const auto& keys : {run_keys(), common_quantities()})
+    for (const SummaryKey& there : keys)
+      for (const SummaryKey& key : observer.keys)
+        if (key.name == there.name) throw std::logic_error("two keys of a summary are called " + key.name);
+  registered().push_back(std::move(observer));
+}
 
 Command run_command() { return {"run", "advances the scene in time", run, true, tables}; }
 

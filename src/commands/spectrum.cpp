@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/names.hpp"
 #include "commands/command_run.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -32,8 +33,8 @@ std::string known_digits(double value, double error) {
 std::string verdict(const Spectrum& spectrum) {
   const bool unstable = spectrum.growth > spectrum.error || spectrum.growth_continuum.value_or(-1) > 0;
   std::string text = spectrum.stable ? "stable" : unstable ? "unstable" : "undecided";
-  text += fmt::format(": growth rate {} +- {:.2g}, frequency {:.6g}",
-                      known_digits(spectrum.growth, spectrum.error), spectrum.error, spectrum.frequency);
+  text += fmt::format(": growth rate {} +- {}, frequency {}", known_digits(spectrum.growth, spectrum.error),
+                      in_unit(spectrum.error, 2, "1/time"), frequency_text(spectrum.frequency, 6));
   if (spectrum.degenerate) text += " (of the longest of several waves with the same growth)";
   if (!spectrum.complete) text += " (not proved to be the rightmost)";
   return text;

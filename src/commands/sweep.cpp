@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <optional>
 
 #include "base/broadcast.hpp"
+#include "base/names.hpp"
 #include "base/paths.hpp"
 #include "commands/command_run.hpp"
 #include "commands/sweep_session.hpp"
@@ -97,6 +99,49 @@ Json differing(const SweepSession& session, const SweepPlan& plan) {
   return count;
 }
 
+// How often each value of sweep_key is met, unless there are many of them, as of a number.
+Json kinds_of(const SweepSession& session) {
+  constexpr std::size_t many = 8;
+  std::map<std::string, long> counts;
+  for (const long point : session.table().points()) ++counts[session.kind_of(point)];
+  if (counts.empty() || counts.size() > many) return nullptr;
+  Json kinds = Json::array();
+  for (const auto& [kind, count] : counts) kinds.push_back(Json::object({{"kind", kind}, {"count", count}}));
+  return kinds;
+}
+
+// "regime stick-slip from 0.2 to 0.8, sliding from 1 to 1.2 of model_v", along the only option; else how many
+// points there are of each kind.
+Json result_of(const SweepSession& session, const SweepPlan& plan) {
+  const Json kinds = kinds_of(session), changes = changes_of(session, plan);
+  if (kinds.is_null()) return nullptr;
+  const std::string key = session.key();
+  const auto word = [&](const std::string& kind) {
+    return key == "stable" && (kind == "0" || kind == "1") ? kind == "0" ? "no" : "yes" : kind;
+  };
+  std::vector<std::string> parts;
+  if (changes.is_null()) {
+    for (const Json& k : kinds)
+      parts.push_back(word(k["kind"].get<std::string>()) + " at " + k["count"].dump() +
+                      (k["count"] == 1 ? " point" : " points"));
+    return key + ": " + joined(parts);
+  }
+  std::vector<long> points = session.table().points();
+  std::sort(points.begin(), points.end());
+  const std::string name = plan.axes()[0].name();
+  const auto value = [&](long point) { return rounded_text(std::stod(plan.values(point)[0]), 6); };
+  for (std::size_t first = 0, k = 1; k <= points.size(); ++k) {
+    const std::string kind = session.kind_of(points[first]);
+    if (k < points.size() && session.kind_of(points[k]) == kind) continue;
+    parts.push_back(word(kind) + (k - first == 1
+                                      ? " at " + value(points[first])
+                                      : " from " + value(points[first]) + " to " + value(points[k - 1])));
+    first = k;
+  }
+  const OptionSpec* spec = find_option(name);
+  return key + " over " + called(name) + ": " + in_unit(joined(parts), spec ? spec->unit : "", name);
+}
+
 struct SweepResults {
   const SweepSession& session;
   const SweepPlan& plan;
@@ -133,6 +178,12 @@ Columns<SweepResults> keys() {
           {"differing", "1",
            "with `-sweep_follow`: values of the options at which `sweep_key` differs between up and down",
            [](S s) { return differing(s.session, s.plan); }},
+          {"kinds", "",
+           "the values of `sweep_key` that were met, `kind`, each with the `count` of its points, `failed` "
+           "among them; null where they are many",
+           [](S s) { return kinds_of(s.session); }},
+          {"result", "", "what the points say together, in words",
+           [](S s) { return result_of(s.session, s.plan); }},
           {"stopped_at", "", "the signal that ended it", [](S s) {
              return s.signal == 0 ? "" : s.signal == SIGINT ? "SIGINT" : "SIGTERM";
            }}};
@@ -150,6 +201,7 @@ void say_all(Summary& summary, const std::string& path) {
                       ? ""
                       : fmt::format("; a full grid has {} more", text("saved")),
                   summary.is_null("differing") ? "" : "; up and down differ at " + text("differing")));
+  if (!summary.is_null("result")) summary.say(summary.get<Json>("result").get<std::string>());
   if (summary.get<Json>("status") == "stopped")
     summary.say("to go on: stickslip sweep -restart " + shell_word(path));
 }

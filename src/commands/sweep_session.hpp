@@ -28,6 +28,7 @@ class SweepSession {
   const SweepTable& table() const { return table_; }  // on rank 0
   // The text of sweep_key at a point there is, `failed` where it failed; on rank 0.
   std::string kind_of(long point) const;
+  std::string key() const;  // of the summaries, whose changes are sought
   int groups() const { return groups_; }
   long failed() const;  // points; on rank 0
 
@@ -46,7 +47,6 @@ class SweepSession {
   void note(long point, const Json& row);
   void refine(RankGroups& groups);
   void look_at_clock(long taken, long units);
-  std::string key() const;
 
   const Options &sweep_, &base_;
   const SweepPlan& plan_;

@@ -14,6 +14,7 @@
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/study/limits.hpp"
+#include "stickslip/time/methods.hpp"
 
 namespace stickslip {
 
@@ -105,6 +106,18 @@ std::string option_help(const OptionSpec& spec) {
          (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n      " + wrapped(spec.help, 6) + "\n";
 }
 
+// PETSc's option for the method, whose values are those of the table of methods.
+std::string method_help() {
+  OptionSpec spec{"ts_type", OptionType::choice,
+                  "",        "chosen for the scene",
+                  "",        0,
+                  0,         false,
+                  {},        "method of time stepping, type:subtype",
+                  "",        ""};
+  for (const Method& method : methods()) spec.words.push_back(method.name());
+  return option_help(spec);
+}
+
 // What the options of profiles have in common, in place of two lines for each.
 std::string profiles_help(const Command& command) {
   std::vector<std::string> names;
@@ -138,6 +151,7 @@ std::string command_help(const Command& command, const std::string& topic) {
     topics.push_back(first_word(group));
     if (!topic.empty() && topic != topics.back()) continue;
     text += "\n" + group + "\n";
+    if (topics.back() == "time") text += method_help();
     for (const OptionSpec& spec : option_table()) {
       if (spec.group != group || !reads_option(command.name, spec)) continue;
       if (topic.empty() && is_profile(group) && spec.name != "profile_kind") continue;

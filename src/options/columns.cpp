@@ -276,6 +276,10 @@ bool names_table(const std::string& given, const std::string& where) {
   return !table_name(given, where).file.empty();
 }
 
+std::string with_column(const std::string& given, const std::string& where, const std::string& column) {
+  return given + (table_name(given, where).columns.empty() ? ":1,2," : ",") + "\"" + column + "\"";
+}
+
 Rows read_columns(const std::string& option, const std::string& given, const std::string& where,
                   std::size_t least, std::size_t most) {
   Table table(option, given, where);

@@ -15,6 +15,9 @@ struct Rows {
 // Whether there is such a file, `given` as below.
 bool names_table(const std::string& given, const std::string& where);
 
+// `given` with one column more than those that it names; than the first two where it names none.
+std::string with_column(const std::string& given, const std::string& where, const std::string& column);
+
 // Reads `given`: the name of a file, or FILE:COLUMN,COLUMN,... with columns by number from 1 or by their
 // names in a header. Between columns stand semicolons, tabs, commas or blanks, whichever the first row of
 // numbers has; where that is no comma, a comma is a decimal point. Words may stand in quotes. Lines that

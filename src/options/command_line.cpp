@@ -74,14 +74,22 @@ std::vector<Given> scene_options(const std::string& path) {
 
 // Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is
 // written, and a restart does not read it again.
-void take_in_table(Given& given) {
+// `weights`: of its rows, a third column, whose name gives way to its numbers likewise.
+void take_in_table(Given& given, Given* weights = nullptr) {
   const OptionSpec* spec = find_option(given.name);
   if (!spec || spec->type != OptionType::pairs || !given.text || takes_away(*spec, *given.text)) return;
   const bool may_be_pairs = given.text->find(':') != std::string::npos;
   if (may_be_pairs && (parse_pairs(*given.text) || !names_table(*given.text, given.where))) return;
   Pairs pairs;
-  const Rows rows = read_columns(spec->name, *given.text, given.where, 2, 2);
-  for (const std::vector<double>& row : rows.values) pairs.emplace_back(row[0], row[1]);
+  const std::size_t columns = weights ? 3 : 2;
+  const std::string table = weights ? with_column(*given.text, given.where, *weights->text) : *given.text;
+  const Rows rows = read_columns(spec->name, table, given.where, columns, columns);
+  std::string third;
+  for (const std::vector<double>& row : rows.values) {
+    pairs.emplace_back(row[0], row[1]);
+    if (weights) third += (third.empty() ? "" : ",") + number_text(row[2]);
+  }
+  if (weights) weights->text = third;
   std::size_t at = 0;
   const std::string fault = spec->fault ? spec->fault(pairs, at) : "";
   if (!fault.empty())
@@ -102,6 +110,29 @@ void keep_last(std::vector<Given>& given) {
     return !seen.insert(spec ? spec->name : lower_case(one.name)).second;
   };
   given.erase(given.begin(), std::remove_if(given.rbegin(), given.rend(), is_later).base());
+}
+
+// `labels: {model_v: disc speed}` is one option, whose text has each label behind its name.
+void gather_labels(std::vector<Given>& given) {
+  std::optional<Given> all;
+  for (const Given& one : given) {
+    const std::string low = lower_case(one.name), prefix = "labels_";
+    const bool is_list = low == "labels";
+    if (!one.text || (!is_list && low.rfind(prefix, 0) != 0)) continue;
+    const std::string more = is_list ? *one.text : one.name.substr(prefix.size()) + ": " + *one.text;
+    if (!is_list && one.text->find(',') != std::string::npos)
+      throw usage_error("-{} {}{}: a label is words without a comma", one.name, stickslip::quoted(*one.text),
+                        in_place(one.where));
+    if (all)
+      *all->text += "," + more;
+    else
+      all = Given{"labels", more, one.where};
+  }
+  if (!all) return;
+  given.erase(std::remove_if(given.begin(), given.end(),
+                             [](const Given& one) { return lower_case(one.name).rfind("labels", 0) == 0; }),
+              given.end());
+  given.push_back(*all);
 }
 
 // Help or the version, asked for without a command.
@@ -187,6 +218,18 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
   for (const Given& given : typed)
     if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
   keep_last(line.given);
+  gather_labels(line.given);
+  const auto named = [&](const char* name) {
+    return std::find_if(line.given.begin(), line.given.end(), [&](const Given& one) {
+      const OptionSpec* spec = find_option(one.name);
+      return spec && spec->name == name && one.text;
+    });
+  };
+  const auto weights = named("fit_weights"), data = named("fit_data");
+  if (weights != line.given.end() && data != line.given.end() &&
+      weights->text->find(',') == std::string::npos &&
+      !takes_away(*find_option("fit_weights"), *weights->text))
+    take_in_table(*data, &*weights);
   for (Given& given : line.given) take_in_table(given);
   return line;
 }

@@ -39,11 +39,14 @@ void model_options(OptionTableBuilder& t) {
       "model_delta_sign", {"derived", "printed"},
       "continuum: sign of the damping in the force equation, +1 as derived or -1 as printed in the paper");
   t.not_negative("model_m", "1",
-                 "chain: mass of a block; 0: the massless limit, where B psi + F = eta says what psi is");
-  t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate");
-  t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours").idle_of(one_block_without_paper);
-  t.positive("model_f0", "1", "chain: friction amplitude");
-  t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)").at_least(0);
+                 "chain: mass of a block; 0: the massless limit, where B psi + F = eta says what psi is",
+                 "force*time^2/length");
+  t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate", "force/length");
+  t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours", "force/length")
+      .idle_of(one_block_without_paper);
+  t.positive("model_f0", "1", "chain: friction amplitude", "force");
+  t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)", "force/velocity")
+      .at_least(0);
   t.not_negative("model_nu", "0", "viscosity between neighbours: nu psi_xx in the force",
                  "length^2/time; chain: force/velocity")
       .idle_of(one_block);
@@ -157,11 +160,24 @@ void start_options(OptionTableBuilder& t) {
       "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
       "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its "
       "columns");
-  t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity")
+  t.choice("init", {"rest", "sliding"},
+           "where it starts, unless init_psi and init_eta say: at rest under no force, or on steady sliding")
+      .unset("rest for laws with a threshold and for tables; else psi and eta are 0.1",
+             [laws = law_options()](const Options& o) {
+               return laws.has_threshold(o) || o.text("friction_law") == "table" ? "rest" : "";
+             })
+      .where("init_type", {"uniform", "sine", "layer"});
+  const auto by_start = [](const Options& o) {
+    const std::string start = o.text("init");
+    return start == "rest" ? "0" : start == "sliding" ? "steady" : "0.1";
+  };
+  t.real_or("init_psi", "steady", "", "psi at the start; `steady` is steady sliding", "velocity")
+      .unset("by init: 0, steady or 0.1", by_start)
       .where("init_type", {"uniform", "sine", "layer"});
   t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
-      .unset("0.1; steady for a layer",
-             [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
+      .unset("by init: 0, steady or 0.1; steady for a layer", [by_start](const Options& o) {
+        return o.text("init_type") == "layer" ? "steady" : by_start(o);
+      });
   t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").at_least(0);
   t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity")
       .where("init_type", {"sine", "file"});
@@ -432,10 +448,30 @@ void fit_options(OptionTableBuilder& t) {
            "the mean over the nodes");
   t.choice("fit_against", {"time", "displacement"},
            "its first column: time, or the displacement of the load point");
+  t.reals("fit_weights",
+          "weight of each row, by which its squared difference counts: a column of fit_data, by number or "
+          "name")
+      .at_least(0)
+      .unset("every row counts alike");
+  t.choice("fit_trend", {"none", "linear"},
+           "a drift of the measurement that is sought beside the parameters: none, or one that grows evenly "
+           "with the first column");
   t.add("fit_parameters", OptionType::text_list, "", "options that are sought, e.g. friction_a,friction_b")
       .unset("none");
   t.integer("fit_starts", "4", 1, 1e6, "starts of the search: the scene's values, and draws around them");
   t.integer("fit_seed", "1", 0, int_max, "seed of the draws");
+}
+
+void name_options(OptionTableBuilder& t) {
+  t.in("Units and names", "");
+  for (const auto& [name, what] : {std::pair("units_length", "what lengths are measured in, e.g. m"),
+                                   std::pair("units_time", "what times are measured in, e.g. s"),
+                                   std::pair("units_force", "what forces are measured in, e.g. N")})
+    t.text(name, "", (std::string(what) + ": a name, no number depends on it").c_str()).unset("none");
+  t.add("labels", OptionType::text_list, "",
+        "what options are called in results and pictures: model_v: disc speed, ...; in a scene `labels: "
+        "{model_v: disc speed}`")
+      .unset("none");
 }
 
 std::vector<OptionSpec> make_table() {
@@ -458,6 +494,7 @@ std::vector<OptionSpec> make_table() {
   laws_options(t);
   sweep_options(t);
   fit_options(t);
+  name_options(t);
   return std::move(t.rows);
 }
 

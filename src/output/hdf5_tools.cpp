@@ -11,13 +11,16 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <map>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
 #include "base/json.hpp"
+#include "base/names.hpp"
 #include "base/paths.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip::h5 {
 
@@ -339,6 +342,10 @@ void write_header(hid_t file, const Provenance& provenance, const std::string& k
   write_attribute(file, "ranks", static_cast<std::int64_t>(provenance.ranks));
   for (const char* name : {"model_form", "model_delta_sign"})
     if (!provenance.option(name).empty()) write_attribute(file, name, provenance.option(name));
+  std::map<std::string, std::string> units;
+  for (const OptionSpec& spec : option_table())
+    if (const std::string unit = unit_of(spec.unit, spec.name); !unit.empty()) units[spec.name] = unit;
+  if (!units.empty()) write_attribute(file, "option_units", text_of_map(units));
 }
 
 FileHeader read_header(hid_t file) {
@@ -374,7 +381,8 @@ Id dataset_creation() {
 }
 
 void describe(hid_t dataset, const Field& field) {
-  if (!field.units.empty()) write_attribute(dataset, "units", field.units);
+  const std::string own = unit_of(field.units, field.name), units = own.empty() ? field.units : own;
+  if (!units.empty()) write_attribute(dataset, "units", units);
   if (!field.long_name.empty()) write_attribute(dataset, "long_name", field.long_name);
 }
 

@@ -15,6 +15,7 @@
 
 #include "base/found_until.hpp"
 #include "base/json_values.hpp"
+#include "base/names.hpp"
 #include "base/paths.hpp"
 #include "output/summary_kept.hpp"
 #include "stickslip/base/error.hpp"
@@ -36,6 +37,9 @@ struct Summary::Object {
     Json now = json;
     now["warnings"] = warnings();
     now["wall_s"] = seconds();
+    Json options = now["options"];  // longer than all else: results stand before them
+    now.erase("options");
+    now["options"] = std::move(options);
     return now;
   }
 };
@@ -55,6 +59,9 @@ std::vector<SummaryKey> common_quantities() {
       {"model_form", "", "`continuum` or `chain`"},
       {"delta_sign", "",
        "`derived` or `printed` ([Theory](theory.md)); null for the chain, which has no delta"},
+      {"units", "",
+       "what the options `units_length`, `units_time`, `units_force` say: `length`, `time`, `force`"},
+      {"labels", "", "what the option `labels` says: of options their names in words"},
       {"ranks", "1", "processes"},
       {"wall_s", "s", "seconds on the wall clock"},
       {"files", "", "what was written"}};
@@ -74,6 +81,10 @@ Summary::Summary(const Provenance& provenance, const std::vector<SummaryKey>& ke
   if (!form.empty()) object["model_form"] = form;
   // the chain has no delta, so no sign of it either
   if (!sign.empty() && form != "chain") object["delta_sign"] = sign;
+  for (const auto& [what, unit] : {std::pair("length", names().length), std::pair("time", names().time),
+                                   std::pair("force", names().force)})
+    if (!unit.empty()) object["units"][what] = unit;
+  if (!names().labels.empty()) object["labels"] = names().labels;
   object["ranks"] = provenance.ranks;
   object["files"] = Json::array();
   for (const SummaryKey& key : keys) object[key.name] = nullptr;
@@ -141,8 +152,7 @@ void Summary::tell() const {
   if (silent_ || kept || rank != 0) return;
   std::string last = rounded_text(object_->seconds()) + " s";
   const Json &sign = get<Json>("delta_sign"), &options = get<Json>("options");
-  if (!sign.is_null() && options.value("model_delta", "") != "0")
-    last += "; sign of delta: " + sign.get<std::string>();
+  if (sign == "printed" && options.value("model_delta", "") != "0") last += "; sign of delta: printed";
   bool drawn = false;
   const char* before = "; wrote ";
   for (const Json& file : get<Json>("files")) {

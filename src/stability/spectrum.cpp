@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "base/broadcast.hpp"
 #include "base/found_until.hpp"
 #include "base/local_values.hpp"
 #include "base/log_stage.hpp"
@@ -372,6 +373,20 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
   });
 }
 
+// Before the lines of -eps_monitor: which of several solutions they are of.
+void say_solver(Complex sigma, PetscInt unknowns) {
+  PetscBool is_watched = PETSC_FALSE;
+  for (const char* monitor : {"-eps_monitor", "-eps_monitor_all", "-eps_monitor_conv"}) {
+    PetscBool is_set;
+    SS_TRY(PetscOptionsHasName(nullptr, nullptr, monitor, &is_set));
+    is_watched = is_set ? PETSC_TRUE : is_watched;
+  }
+  if (!is_watched || rank_in(PETSC_COMM_WORLD) != 0) return;
+  SS_TRY(PetscPrintf(PETSC_COMM_SELF,
+                     "EPS of the eigenvalues nearest to %g%+gi of %" PetscInt_FMT " unknowns\n", sigma.real(),
+                     sigma.imag(), unknowns));
+}
+
 // Nothing where LAPACK gives up: it may fail to put values that nearly coincide in order (trexc).
 std::optional<std::vector<Mode>> modes_near(const LinearisedOperator& s, Complex sigma, PetscInt count) {
   const PetscInt n = s.unknowns();
@@ -402,6 +417,7 @@ std::optional<std::vector<Mode>> modes_near(const LinearisedOperator& s, Complex
   SS_TRY(EPSSetInitialSpace(eps, 1, &first));
   SS_TRY(EPSSetFromOptions(eps));
   const LogStage solving("eigenvalues");
+  say_solver(sigma, n);
   try {
     SS_TRY(EPSSolve(eps));
   } catch (const RankFailure& e) {

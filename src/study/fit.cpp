@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 #include <Eigen/Dense>
@@ -144,6 +145,18 @@ double time_at(double place, const Scene& scene, double end) {
   return t;
 }
 
+// Weights of the mean 1.
+std::vector<double> weights_of(const Options& options, std::size_t rows) {
+  std::vector<double> weights = options.reals("fit_weights");
+  if (weights.empty()) return weights;
+  if (weights.size() != rows)
+    throw usage_error("-fit_weights: {} weights of {} rows of fit_data", weights.size(), rows);
+  const double sum = std::accumulate(weights.begin(), weights.end(), 0.);
+  if (!(sum > 0)) throw UsageError("-fit_weights: all weights are 0");
+  for (double& weight : weights) weight *= double(rows) / sum;
+  return weights;
+}
+
 }  // namespace
 
 FitProblem fit_problem(const Options& options) {
@@ -168,7 +181,10 @@ FitProblem fit_problem(const Options& options) {
                         number_text(place), number_text(end));
     problem.times.push_back(t);
     problem.data.push_back(value);
+    if (options.text("fit_trend") == "linear")
+      problem.drift.push_back(place - options.pairs("fit_data").front().first);
   }
+  problem.weights = weights_of(options, problem.data.size());
   for (const std::string& name : options.words("fit_parameters")) {
     const FitParameter p = parameter_of(name, problem.options);
     for (const FitParameter& other : problem.parameters)
@@ -176,9 +192,14 @@ FitProblem fit_problem(const Options& options) {
     problem.parameters.push_back(p);
   }
   put_in_order(problem.parameters, scene, problem.options);
-  if (problem.data.size() < problem.parameters.size())
-    throw usage_error("-fit_data: {} rows cannot tell {} parameters", problem.data.size(),
-                      problem.parameters.size());
+  const std::size_t rows = problem.weights.empty()
+                               ? problem.data.size()
+                               : problem.weights.size() -
+                                     std::count(problem.weights.begin(), problem.weights.end(), 0.),
+                    sought = problem.parameters.size() + (problem.drift.empty() ? 0 : 1);
+  if (rows < sought)
+    throw usage_error("-fit_data: {} rows cannot tell {} parameters{}", rows, sought,
+                      problem.drift.empty() ? "" : " (fit_trend is one)");
   problem.starts = int(options.integer("fit_starts"));
   problem.seed = options.integer("fit_seed");
   return problem;
@@ -215,6 +236,10 @@ class FitSearch {
     for (const double d : problem.data) mean += d / double(rows_);
     for (const double d : problem.data) scatter += (d - mean) * (d - mean) / double(rows_);
     unit_ = scatter > 0 ? std::sqrt(scatter) : std::max(std::abs(mean), 1e-300);
+    roots_ = Vector::Ones(rows_);
+    for (std::size_t i = 0; i < problem.weights.size(); ++i) roots_[i] = std::sqrt(problem.weights[i]);
+    if (!problem.drift.empty())
+      drift_ = Eigen::Map<const Vector>(problem.drift.data(), Eigen::Index(rows_)).cwiseProduct(roots_);
     make_vectors();
     make_solver();
   }
@@ -270,17 +295,26 @@ class FitSearch {
     return type;
   }
 
-  // In units of the data's scatter.
-  Vector residual(const Vector& x) {
+  std::vector<double> course_at(const Vector& x) {
     ++runs_;
     beat("runs");
     std::vector<std::string> unheard;
     const WarningsKept kept(unheard);
     Options options = problem_.options;
     for (std::size_t k = 0; k < n_; ++k) options = options.with(problem_.parameters[k].name, value(k, x[k]));
-    const std::vector<double> course = course_of(problem_, options);
+    return course_of(problem_, options);
+  }
+  // Roots of the weights.
+  const Vector& roots() const { return roots_; }
+  // What a drift of one a place does to the weighted residual; empty without one.
+  const Vector& drift() const { return drift_; }
+
+  // In units of the data's scatter, each times the root of its weight; orthogonal to a drift.
+  Vector residual(const Vector& x) {
+    const std::vector<double> course = course_at(x);
     Vector r(rows_);
-    for (std::size_t i = 0; i < rows_; ++i) r[i] = (course[i] - problem_.data[i]) / unit_;
+    for (std::size_t i = 0; i < rows_; ++i) r[i] = roots_[i] * (course[i] - problem_.data[i]) / unit_;
+    if (drift_.size() > 0) r -= drift_ * (drift_.dot(r) / drift_.squaredNorm());
     return r;
   }
   // Of a run that may fail: a value that no search stays at.
@@ -301,6 +335,15 @@ class FitSearch {
   Eigen::MatrixXd jacobian(const Vector& x, bool central) {
     Eigen::MatrixXd J(rows_, n_);
     for (std::size_t k = 0; k < n_; ++k) J.col(k) = slope(x, k, difference, central);
+    return J;
+  }
+  // By central differences, of the residual with what a drift would take away.
+  Eigen::MatrixXd jacobian_beside_drift(const Vector& x) {
+    const Vector drift = std::exchange(drift_, Vector());
+    last_.reset();
+    Eigen::MatrixXd J = jacobian(x, true);
+    drift_ = drift;
+    last_.reset();
     return J;
   }
   Vector slope(const Vector& x, std::size_t k, double step, bool central) {
@@ -400,6 +443,7 @@ class FitSearch {
   const FitProblem& problem_;
   std::size_t rows_, n_;
   double unit_ = 1;
+  Vector roots_, drift_;
   long runs_ = 0;
   std::optional<std::pair<Vector, Vector>> last_;  // x, and the residual there
   std::optional<Place> best_;
@@ -446,41 +490,72 @@ void FitSearch::make_solver() {
   SS_TRY(TaoSetFromOptions(tao_));
 }
 
+// How far neighbouring residuals are alike, and how many independent rows tell as much: the sum of the
+// autocorrelations, up to five of the times that it gives (Sokal's window), over which longer ones are noise.
+void judge_independence(const Eigen::VectorXd& r, Fit& fit) {
+  const Eigen::Index rows = r.size();
+  const double squares = r.squaredNorm();
+  const auto correlation = [&](Eigen::Index lag) {
+    return r.head(rows - lag).dot(r.tail(rows - lag)) / squares;
+  };
+  fit.independent_rows = double(rows);
+  if (!(squares > 0) || rows < 3) return;
+  fit.residual_correlation = correlation(1);
+  double times = 1;
+  for (Eigen::Index lag = 1; lag < rows / 4 && double(lag) < 5 * times; ++lag) times += 2 * correlation(lag);
+  fit.independent_rows = double(rows) / std::max(times, 1.);
+}
+
 // Covariance in the variables, out of the singular values of J with columns of length 1; what the data leave
 // open has no error.
 void judge(FitSearch& search, const Eigen::VectorXd& x, const FitProblem& problem, Fit& fit) {
   const std::size_t n = problem.parameters.size(), rows = problem.data.size();
-  const Eigen::VectorXd r = search.residual(x);
-  const Eigen::MatrixXd J = search.jacobian(x, true);
-  fit.course.clear();
-  for (std::size_t i = 0; i < rows; ++i) fit.course.push_back(problem.data[i] + r[i] * search.unit());
+  const Eigen::VectorXd r = search.residual(x), drift = search.drift();
+  judge_independence(r, fit);
   fit.residual = search.unit() * std::sqrt(r.squaredNorm() / double(rows));
   fit.correlation.assign(n, std::vector<double>(n, nan));
+  fit.course = search.course_at(x);
+  Eigen::MatrixXd J = search.jacobian_beside_drift(x);
+  std::vector<std::string> names;
+  for (const FitParameter& p : problem.parameters) names.push_back(p.name);
+  if (drift.size() > 0) {
+    double along = 0;
+    for (std::size_t i = 0; i < rows; ++i)
+      along += drift[i] * search.roots()[i] * (problem.data[i] - fit.course[i]);
+    fit.drift = along / drift.squaredNorm();
+    for (std::size_t i = 0; i < rows; ++i) fit.course[i] += *fit.drift * problem.drift[i];
+    J.conservativeResize(Eigen::NoChange, Eigen::Index(n) + 1);
+    J.col(n) = drift;
+    names.emplace_back("fit_trend");
+  }
+  fit.drift_error = nan;
+  const std::size_t sought = names.size();
   const Eigen::VectorXd lengths = J.colwise().norm();
-  for (std::size_t k = 0; k < n; ++k)
-    if (!(lengths[k] > 0)) fit.together.push_back(problem.parameters[k].name);
+  for (std::size_t k = 0; k < sought; ++k)
+    if (!(lengths[k] > 0)) fit.together.push_back(names[k]);
   if (!fit.together.empty()) return;
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J * lengths.cwiseInverse().asDiagonal(), Eigen::ComputeThinV);
   const Eigen::VectorXd& s = svd.singularValues();
-  if (!(s[n - 1] > told_apart * s[0])) {
+  if (!(s[sought - 1] > told_apart * s[0])) {
     // the change of the variables that the course does not feel, by what each does to it alone, and by itself
-    const Eigen::VectorXd effect = svd.matrixV().col(n - 1).cwiseAbs();
+    const Eigen::VectorXd effect = svd.matrixV().col(sought - 1).cwiseAbs();
     Eigen::VectorXd change = effect.cwiseQuotient(lengths);
     for (std::size_t k = 0; k < n; ++k)
       if (!problem.parameters[k].logarithm) change[k] /= std::max(std::abs(x[k]), 1e-2);
-    for (std::size_t k = 0; k < n; ++k)
-      if (change[k] > 0.1 * change.maxCoeff() || effect[k] > 0.1)
-        fit.together.push_back(problem.parameters[k].name);
+    for (std::size_t k = 0; k < sought; ++k)
+      if (change[k] > 0.1 * change.maxCoeff() || effect[k] > 0.1) fit.together.push_back(names[k]);
     return;
   }
-  if (rows == n) return;
+  const std::size_t counted = std::size_t((search.roots().array() > 0).count());
+  if (counted == sought) return;
   const Eigen::MatrixXd inverse =
       svd.matrixV() * s.cwiseAbs2().cwiseInverse().asDiagonal() * svd.matrixV().transpose();
-  const double variance = r.squaredNorm() / double(rows - n);
+  const double variance = r.squaredNorm() / double(counted - sought);
+  const auto error = [&](std::size_t k) { return std::sqrt(variance * inverse(k, k)) / lengths[k]; };
+  if (fit.drift) fit.drift_error = error(n) * search.unit();
   for (std::size_t k = 0; k < n; ++k) {
-    const double error = std::sqrt(variance * inverse(k, k)) / lengths[k];
     FitParameter& p = fit.parameters[k];
-    p.error = error * (p.logarithm ? p.value : search.measure(k));
+    p.error = error(k) * (p.logarithm ? p.value : search.measure(k));
     for (std::size_t j = 0; j < n; ++j)
       fit.correlation[k][j] = inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j));
   }

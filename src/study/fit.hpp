@@ -8,13 +8,20 @@
 // second search minimises the integral of r over time first, roughly. With the derivatives by differences of
 // runs that TAO's Gauss and Newton's method (-tao_type brgn) is given here it takes ten times as many runs.
 //
+// With weights w_i the squares are w_i r_i^2, the mean weight being 1. A drift of the measurement, y + s
+// (x_i - x_0) with x the first column of the data, is linear in s: for every p the best s follows by itself,
+// so that the search is that of what is left when r is made orthogonal to the drift.
+//
 // Errors and correlations are those of the linearised problem at the minimum: covariance s^2 (J^T J)^-1, s^2
-// = |r|^2/(rows - parameters).
+// = |r|^2/(rows - parameters), a drift counted among them. They hold for rows whose noise is independent. Of
+// correlated residuals n rows tell as much as n/T independent ones, T = 1 + 2 (the sum of the
+// autocorrelations), and errors of what varies slowly over the rows are sqrt(T) times as large.
 //
 // Collective over PETSC_COMM_WORLD; the same on every rank.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +48,8 @@ struct FitProblem {
   Options options;  // of `run`
   CourseOf of = CourseOf::force;
   std::vector<double> times, data;  // times ascend
+  std::vector<double> weights;      // of the mean 1; empty: all alike
+  std::vector<double> drift;        // x - x_0 where a drift is sought; else empty
   std::vector<FitParameter> parameters;
   int starts = 1;
   PetscInt seed = 1;
@@ -48,7 +57,11 @@ struct FitProblem {
 
 struct Fit {
   std::vector<FitParameter> parameters;
-  std::vector<double> course;                    // at the times
+  std::vector<double> course;                    // at the times, the drift included
+  std::optional<double> drift;                   // s, and
+  double drift_error = 0;                        // its standard error
+  double residual_correlation = 0;               // of neighbouring rows
+  double independent_rows = 0;                   // n/T
   std::vector<std::vector<double>> correlation;  // NaN where an error is
   double residual = 0;                           // root of the mean square, in the data's unit
   int same = 0;                                  // starts that ended at the best

@@ -144,12 +144,15 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
 
 namespace {
 
+constexpr double small_perturbation = 1e-6;
+
 // When a perturbation has become as large as the motion.
 std::string outlook(double growth_rate, double duration) {
   return fmt::format(
-      "a perturbation of 1e-6 takes over after about {:.3g}, one of the size of round-off after about "
+      "a perturbation of {:g} takes over after about {:.3g}, one of the size of round-off after about "
       "{:.3g} (this run: {:.3g})",
-      -std::log(1e-6) / growth_rate, -std::log(1e-16) / growth_rate, duration);
+      small_perturbation, -std::log(small_perturbation) / growth_rate, -std::log(1e-16) / growth_rate,
+      duration);
 }
 
 }  // namespace
@@ -168,7 +171,7 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
           still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));
       const UniformInstability found =
           slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
-      if (found.growth_rate * duration < 0.1) return "";  // nothing to be seen of it in this run
+      if (found.growth_rate * duration < -std::log(small_perturbation)) return "";  // not in this run
       return fmt::format(
           "scene_reduce: the uniform {} that one node stands for is unstable to waves: length {:.3g} "
           "grows fastest of those that fit, at {:.3g} per unit time; {}",

@@ -97,3 +97,46 @@ def test_friction_stays_in_order_and_starts_lie_in_several_basins(scenes):
         check(near or found["starts"] < 4, f"{index}: four starts ended at {found['residual']} of {np.ptp(course)}: {scene}{words}")
         asked, reached = asked + 1, reached + near
     check(reached >= 0.75 * asked, f"{reached} of {asked} reached the noise")
+
+
+def draw_correlated(generator):
+    """Velocity steps, and how far each row's noise is that of the row before."""
+    uniform = generator.uniform
+    v, D = 10 ** uniform(-2, 1), 10 ** uniform(-1, 1)
+    time = 20 * D / v
+    a = uniform(0.01, 0.02)
+    scene = "-model_form chain -grid_n 1 -bc_left free -friction_law rate-and-state -state_law ageing -init sliding " \
+        f"-model_v {v} -friction_psi0 {v} -model_m {1e-4 * D / v ** 2 * D} -model_k0 {uniform(0.05, 0.1) / D} " \
+        f"-load_v 0:{v},{time}:{v},{time}:{3 * v} -ts_max_time {2 * time} "
+    sought = {"friction_a": a, "friction_b": a + uniform(0, 0.006), "friction_D": D}
+    return scene, sought, uniform(0.6, 0.95), generator
+
+
+def test_errors_that_are_too_small_are_told_of(scenes):
+    """With noise of an autoregression r the errors are too small by sqrt((1 + r)/(1 - r)): each time a warning says so, by a
+    factor that is right within one of two, and with errors so much larger the true values lie within three; with noise
+    that is independent it is silent."""
+    silent = inside = asked = factors = 0
+    for index, (scene, sought, r, generator) in scenes(draw_correlated, salt=133, short=3):
+        end = float(scene.split("-ts_max_time ")[1].split()[0])
+        times = np.linspace(0, end, 402)[1:-1]
+        words = "".join(f" -{name} {value!r}" for name, value in sought.items())
+        run(f"{scene}{words} -ts_rtol 1e-9 -out_file true.h5 -out_times {','.join(repr(float(t)) for t in times)}")
+        course = data("true.h5")["eta"].mean(axis=1)
+        fits = {}
+        for correlation in (0, r):
+            noise = generator.normal(size=len(times))
+            for k in range(1, len(noise)):
+                noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation ** 2) * noise[k]
+            np.savetxt("data.txt", np.c_[times, course + NOISE * np.ptp(course) * noise])
+            fits[correlation], _ = run(f"{scene}{words} -fit_data data.txt -fit_parameters {','.join(sought)} -fit_starts 1",
+                                       command="fit")
+        told = {c: any("errors are too small" in w for w in found["warnings"]) for c, found in fits.items()}
+        check(told[r], f"{index}: r = {r} is not told of: {fits[r]['residual_correlation']}")
+        factor = np.sqrt(len(times) / fits[r]["independent_rows"])
+        factors += 0.5 < factor / np.sqrt((1 + r) / (1 - r)) < 2
+        far = max(abs(p["value"] - sought[p["name"]]) / (factor * p["error"]) for p in fits[r]["parameters"])
+        asked, inside, silent = asked + 1, inside + (far < 3), silent + (not told[0])
+    # correlation of 400 independent rows beyond 3/20: 0.3 %; the window leaves the factor some scatter
+    check(silent >= asked - max(1, 0.02 * asked), f"{asked - silent} of {asked} warned without cause")
+    check(factors >= 0.85 * asked and inside >= 0.85 * asked, f"factor right in {factors}, inside {inside} of {asked}")

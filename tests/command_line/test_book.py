@@ -137,7 +137,8 @@ def test_files_hold_what_the_page_names(kind):
     """Every dataset and attribute found stands on the page, with its dimensions, and each of the page is found."""
     found, attributes = set(), set()
     for number, options in enumerate(FILES[kind]):
-        run(f"-out_file {number}.h5 {options}", command=kind)
+        units = "-units_time s" if number == 0 else ""
+        run(f"-out_file {number}.h5 {options} {units}", command=kind)
         profiles = re.findall(r"-(friction_\w+)_profile", options)
         assert disagreements(f"{number}.h5", PAGE, but=profiles) == []
         held = contents(f"{number}.h5")
@@ -161,7 +162,7 @@ def held_in_checkpoint(path):
 
 def test_tables_of_sweeps():
     """Dimensions are the options; each variable is a key of the summaries, or the member of one."""
-    options = "-grid_n 8 -ts_max_time 0.1 -sweep_parameter1 model_v -sweep_values1 0.1,0.2 "
+    options = "-grid_n 8 -ts_max_time 0.1 -units_time s -sweep_parameter1 model_v -sweep_values1 0.1,0.2 "
     keys = set(re.findall(r"`(\w+)`", text("docs/summary.md")))
     for more, dimensions in (("-sweep_parameter2 model_gamma -sweep_values2 2,3", ("model_v", "model_gamma")),
                              ("-sweep_follow", ("model_v", "direction")),

@@ -28,7 +28,12 @@ SHORT = ("-grid_n", "32", "-ts_max_time", "5")
 
 @pytest.mark.parametrize("words, parts", [
     (("run", *SHORT, "-out_file", "a.h5"), ["steady sliding is unstable: perturbations grow like exp(", "t = 5 in ",
-                                            "steps of rk:7vr", "sign of delta: derived", "wrote a.h5", "plot.py a.h5"]),
+                                            "steps of rk:7vr", "wrote a.h5", "plot.py a.h5"]),
+    (("run", *SHORT, "-model_delta_sign", "printed"), ["sign of delta: printed"]),
+    (("sweep", *SHORT, "-sweep_parameter1", "model_v", "-sweep_values1", "0.9,1.1,1.3", "-sweep_command", "spectrum", "-out_file", "w.h5"),
+     ["3 of 3 points", "stable over model_v: no at 0.9, yes from 1.1 to 1.3"]),
+    (("sweep", *SHORT, "-sweep_parameter1", "model_v", "-sweep_values1", "0.9,1.1", "-sweep_parameter2", "model_delta", "-sweep_values2",
+      "0,0.2", "-sweep_command", "spectrum", "-out_file", "w.h5"), ["stable: no at 2 points, yes at 2 points"]),
     (("run", *SHORT), ["nothing is kept without -out_file"]),
     (("run", *SHORT, "-ts_max_steps", "3"), ["stopped at t = ", "ts_max_steps 3", "without -out_file there is no checkpoint"]),
     (("run", *SHORT, "-check", "-out_file", "c.h5"), ["checked: 32 nodes", "rk:7vr", "200 frames", "the whole run"]),

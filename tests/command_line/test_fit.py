@@ -143,3 +143,67 @@ def test_the_laboratory_s_picture():
 def test_a_sweep_of_fits():
     run(scene_file("fit-steps") + " -sweep_command fit -sweep_parameter1 fit_seed -sweep_values1 1,2 -fit_starts 2 -out_file s.h5", command="sweep")
     check(np.all(np.abs(data("s.h5")["residual"] - 0.000983) < 1e-6), "both are the shipped one")
+
+
+def noisy(seed, correlation, rows=400):
+    """A block's course with noise of 0.01 of its scatter, each row as far as `correlation` that of the one before."""
+    run(f"{BLOCK} -friction_fc 0.45 -ts_rtol 1e-9 -out_file r.h5 -out_frames {rows + 1}")
+    file, generator = data("r.h5"), np.random.default_rng(seed)
+    noise = np.zeros(rows + 1)
+    for k in range(1, rows + 1):
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation ** 2) * generator.normal()
+    return np.c_[file["t"], file["eta"][:, 0] + 0.01 * np.std(file["eta"]) * noise][1:]
+
+
+def test_correlated_residuals_are_told_of():
+    # noise of an autoregression: n rows are as much as n (1 - r)/(1 + r)
+    words = "-fit_data d.txt -fit_parameters friction_fc,model_m -fit_starts 1"
+    for correlation in (0.9, 0.0):
+        np.savetxt("d.txt", noisy(5, correlation))
+        s = fit(words)
+        told = [w for w in s["warnings"] if "errors are too small" in w]
+        check(len(told) == (correlation > 0) and abs(s["residual_correlation"] - correlation) < 0.1, f"{s['warnings']} {s['residual_correlation']}")
+        factor = np.sqrt(400 / s["independent_rows"])
+        check(0.5 < factor / np.sqrt((1 + correlation) / (1 - correlation)) < 2, f"{correlation}: {factor}")
+
+
+def test_a_drift_is_sought_beside_the_parameters():
+    rows = noisy(6, 0)
+    rows[:, 1] += 0.003 * rows[:, 0]
+    np.savetxt("d.txt", rows)
+    words = "-fit_data d.txt -fit_parameters friction_fc,model_m -fit_starts 1"
+    with_drift, without = fit(words + " -fit_trend linear"), fit(words)
+    trend = with_drift["trend"]
+    check(abs(trend["value"] - 0.003) < 3.5 * trend["error"] and without["trend"] is None, trend)
+    off = np.abs(values(with_drift) - [0.45, 1]) / [p["error"] for p in with_drift["parameters"]]
+    check(np.all(off < 3.5), f"{off}")
+    far = np.abs(values(without) - [0.45, 1]) / [p["error"] for p in without["parameters"]]
+    check(np.max(far) > 5 and with_drift["residual"] < 0.5 * without["residual"], f"{far}")
+
+
+def test_weights_by_a_column():
+    # rows of weight 0 might as well not be there; weights alike change nothing
+    rows = noisy(7, 0)
+    weight = (np.arange(len(rows)) % 3 > 0).astype(float)
+    wrong = rows.copy()
+    wrong[weight == 0, 1] += 5
+    np.savetxt("w.csv", np.c_[wrong, weight, 0 * weight + 2], delimiter=",", header="time,force,weight,two", comments="")
+    np.savetxt("kept.txt", rows[weight > 0])
+    words = " -fit_parameters friction_fc,model_m -fit_starts 1"
+    weighted, kept = fit("-fit_data w.csv:time,force -fit_weights weight" + words), fit("-fit_data kept.txt" + words)
+    for a, b in zip(weighted["parameters"], kept["parameters"]):
+        # the search ends where the gradient is small, far below an error
+        check(abs(a["value"] - b["value"]) < 1e-2 * b["error"] and abs(a["error"] / b["error"] - 1) < 1e-2, f"{a} {b}")
+    np.savetxt("all.csv", np.c_[rows, 0 * weight + 2])
+    alike, plain = fit("-fit_data all.csv:1,2 -fit_weights 3" + words), fit("-fit_data all.csv:1,2" + words)
+    check(np.allclose(values(alike), values(plain), rtol=1e-9), f"{values(alike)} {values(plain)}")
+    refused(BLOCK + "-fit_data w.csv:time,force -fit_weights wieght" + words, 2, "no column", "weight", command="fit")
+
+
+def test_stiffness_and_friction_at_the_reference_are_fitted():
+    scene = "-model_form chain -grid_n 1 -bc_left free -friction_law rate-and-state -model_m 1e-4 -model_v 1 -friction_psi0 1 " \
+            "-friction_a 0.012 -friction_b 0.015 -friction_D 2 -init sliding -load_v 0:1,10:1,10:3,30:3 -ts_max_time 30 "
+    run(scene + "-model_k0 0.03 -friction_mu0 0.62 -ts_rtol 1e-9 -out_file r.h5 -out_frames 101")
+    np.savetxt("d.txt", np.c_[data("r.h5")["t"][1:], data("r.h5")["eta"][1:, 0]], fmt="%.15g")
+    s = fit_of(scene + "-model_k0 0.04 -friction_mu0 0.6 -fit_data d.txt -fit_parameters model_k0,friction_mu0 -fit_starts 1")
+    check(np.allclose(values(s), [0.03, 0.62], rtol=1e-4), f"{s['parameters']}")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray
 
-from calls import check, data, refused, run
+from calls import call, check, data, refused, run
 
 OPEN = "-bc_left free -grid_n 41 -grid_length 10 -ts_max_time 0.01 -out_frames 2 -out_file start.h5 "
 RING = "-grid_n 60 -grid_length 30 -ts_max_time 0.01 -out_frames 2 -out_file start.h5 "
@@ -149,3 +149,34 @@ def test_noise_of_either():
     check(np.allclose(of_eta["eta"] - 0.5, of_psi["psi"], rtol=0, atol=1e-15) and not of_eta["psi"].any(), "the draw of psi")
     check(0 <= of_eta["eta"].min() < 0.1 and 0.9 < of_eta["eta"].max() <= 1 and np.all(of_psi["eta"] == 0.5), "uniform on [0, 1]")
     refused("-model_form chain -model_m 0 -model_zeta 1 -grid_n 5 -init_noise 0.1 -init_noise_of eta -ts_max_time 1", 2, "init_noise_of")
+
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free -ts_max_time 1e-3 -out_frames 2 -out_file start.h5 "
+
+
+@pytest.mark.parametrize("words, psi, eta", [
+    ("", 0.1, 0.1), ("-init rest", 0, 0), ("-friction_law coulomb", 0, 0), ("-friction_law coulomb -init_psi 0.3", 0.3, 0),
+    ("-friction_law coulomb -init_eta 0.2", 0, 0.2), ("-friction_law tanh", 0.1, 0.1), ("-friction_law tanh -init rest", 0, 0),
+    # on sliding at v = 0.2 with the cubic law eta is F(0.2), with Coulomb's 0.5
+    ("-init sliding", 0.2, 0.2 ** 3 / 3 - 0.2), ("-friction_law coulomb -init sliding", 0.2, 0.5),
+    ("-friction_law coulomb -init sliding -init_psi 0.7", 0.7, 0.5)])
+def test_rest_or_sliding(words, psi, eta):
+    _, found = first(BLOCK + words)
+    check(abs(found["psi"][0] - psi) < 1e-14 and abs(found["eta"][0] - eta) < 1e-12, (words, found["psi"], found["eta"]))
+
+
+def test_a_table_begins_at_rest():
+    np.savetxt("curve.txt", [[0, 0.6], [1, 0.4], [2, 0.5]])
+    _, found = first(BLOCK + "-friction_law table -friction_table curve.txt")
+    check(found["psi"][0] == 0 and found["eta"][0] == 0, found)
+
+
+def test_where_the_start_decides_the_closing_line_says_so():
+    """Between its linear boundary and grazing the block of Carlson and Langer does either (theory.md, where stick-slip ends:
+    1.659 and 2.405 at zeta = sqrt(0.02))."""
+    scene = "-model_form chain -grid_n 1 -bc_left free -friction_law carlson-langer -model_zeta paper -model_k1 0.2 "
+    for v, told in ((1.8, True), (2.6, False)):
+        done = call(f"{scene} -model_v {v} -init sliding -ts_max_time 60 -progress auto")
+        check(("from rest it sticks and slips" in done.stderr) == told and "sliding" in done.stderr, done.stderr)
+    s, _ = run(f"{scene} -model_v 1.8 -ts_max_time 200")
+    check(s["regime"] == "stick-slip", s["regime"])

@@ -63,7 +63,7 @@ UniformInstability instability_of_sliding(const Scene& scene);
 UniformInstability instability_of_oscillation(const Scene& scene);
 
 // What a warning says of the whole scene's motion, "" where it keeps its symmetry (on a uniform motion: where
-// nothing grows by more than a tenth in the time of the run): `scene` is the whole one, `cell` the one
+// no perturbation of 1e-6 takes over in the time of the run): `scene` is the whole one, `cell` the one
 // solved, `seen` what was measured at the end of the run (pulses: on the whole ring), which lasted `duration`
 // and ended with the mean velocity `psi`.
 std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measured& seen, double psi,
