@@ -4,7 +4,8 @@
     scripts/claims.py [PAGE ...]              the claims that take a moment (part of ./check)
     scripts/claims.py --long [PAGE ...]       all claims
     scripts/claims.py --made [PAGE ...]       makes pictures and tables again: pictures into docs/, tables are compared
-    scripts/claims.py --commands [PAGE ...]   runs every command that a page prints, in a copy of the tree
+    scripts/claims.py --commands [PAGE ...]   runs every command that a page prints, and every
+                                              scene, pasted into a file, in a copy of the tree
 
 A page is a path such as docs/waves.md or runs/study.yaml; without any, all of them. Exit code 1 where a claim fails.
 
@@ -216,10 +217,20 @@ def scenes(page):
     return re.findall(r"^ *```yaml\n(.*?)^ *```", page.text, re.DOTALL | re.MULTILINE)
 
 
+def command_of(scene):
+    """What runs a block of YAML."""
+    return "fit" if "fit:" in scene else "run"
+
+
 def run_commands(page):
     with tempfile.TemporaryDirectory() as folder:
         tree(folder)
-        for command in commands(page):
+        pasted = []
+        for number, scene in enumerate(scenes(page)):
+            with open(os.path.join(folder, f"{number}.yaml"), "w", encoding="utf-8") as file:
+                file.write(re.sub(r"(?<=data: )(?=[\w.-]+\.(?:txt|csv))", "runs/", scene))  # which lies beside the scenes
+            pasted.append(f"stickslip {command_of(scene)} {number}.yaml")
+        for command in commands(page) + pasted:
             done = shell(command, folder)
             print(f"{'ok' if done.returncode == 0 else 'failed'}: {page.name}: {command}", flush=True)
             if done.returncode:

@@ -73,7 +73,7 @@ def test_blocks_of_pages_are_understood(name):
             file.write(block)
         for data in re.findall(r"^fit: \{data: ([\w.-]+)", block, re.MULTILINE):
             shutil.copy(os.path.join(SOURCE, "runs", data), folder)
-        wrong.append(dry(f"stickslip {'fit' if 'fit:' in block else 'run'} {number}.yaml", folder))
+        wrong.append(dry(f"stickslip {claims.command_of(block)} {number}.yaml", folder))
     wrong = list(filter(None, wrong))
     assert not wrong, "\n".join(wrong)
 
