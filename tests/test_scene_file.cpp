@@ -18,7 +18,6 @@ std::string flat(const std::vector<Given>& list) {
   return text;
 }
 std::string yaml(const std::string& text) { return flat(parse_yaml(text, "s.yaml")); }
-std::string plain(const std::string& text) { return flat(parse_plain(text, "s.opts")); }
 
 #define REFUSED(text, where, part)                                           \
   do {                                                                       \
@@ -102,20 +101,11 @@ TEST_CASE("scene files: what is refused") {
   REFUSED(deep, "s.yaml:21", "too deeply");
 }
 
-TEST_CASE("scene files: the plain form") {
-  CHECK(plain("# c\n-model_gamma 3\n  -ts_view # c\n-bc_left_value -1.5\n-out_file 'a b.h5'\n") ==
-        "model_gamma=3;ts_view=~;bc_left_value=-1.5;out_file=a b.h5");
-  for (const char* bad :
-       {"", "# c\n", "model_gamma 3\n", "-a 1 2\n", "-a 1\n-A 2\n", "-1 2\n", "-a 'x\n", "a: 1\n"}) {
-    INFO(bad);
-    CHECK_THROWS_WITH(plain(bad), StartsWith("s.opts:"));
-  }
-}
-
 TEST_CASE("scene files: files that cannot be read", "[serial]") {
   CHECK_THROWS_WITH(read_scene("/nonexistent/s.yaml"), Contains("No such file"));
   CHECK_THROWS_WITH(read_scene("/tmp"), Contains("is a directory"));
   CHECK_THROWS_WITH(read_scene("/dev/null"), Contains("not a regular file"));
+  CHECK_THROWS_WITH(read_scene("s.opts"), Contains("a scene is YAML: write `name: value`"));
   CHECK(has_scene_suffix("a/b.YAML"));
   CHECK_FALSE(has_scene_suffix(".yaml"));
   CHECK_FALSE(has_scene_suffix("a.txt"));

@@ -155,7 +155,7 @@ std::string scene_among(const std::vector<std::string>& stray) {
   for (const std::string& word : stray) {
     if (!has_scene_suffix(word))
       throw UsageError("stray word " + quoted(word) +
-                       ": neither an option nor its value nor a scene (.yaml, .yml, .opts)");
+                       ": neither an option nor its value nor a scene (.yaml, .yml)");
     if (!scene.empty())
       throw usage_error("two scenes, {} and {}; one is read", stickslip::quoted(scene), quoted(word));
     scene = word;
@@ -214,7 +214,9 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
     append(scene_options(*given.text));
   }
   const char* yaml = std::getenv("PETSC_OPTIONS_YAML");
-  if (yaml && *yaml) append(parse_yaml(yaml, "PETSC_OPTIONS_YAML"));
+  if (yaml && *yaml)
+    throw UsageError(
+        "PETSC_OPTIONS_YAML: is not read; give -options_file FILE.yaml, or PETSC_OPTIONS with its words");
   for (const Given& given : typed)
     if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
   keep_last(line.given);

@@ -136,9 +136,9 @@ const std::map<std::string, std::string>& taken() {
         {"ts_rk_multirate", "the scene is not partitioned by speed"},
         {"fp_trap",
          "a trap ends the program without a word of it; what is not finite is found after every step"},
-        {"options_file", "it reads either form of a file, from the command line"},
-        {"options_file_yaml", "-options_file FILE reads either form, from the command line"},
-        {"options_string_yaml", "-options_file FILE reads either form, from the command line"},
+        {"options_file", "it reads a scene file, from the command line"},
+        {"options_file_yaml", "-options_file FILE reads a scene file, from the command line"},
+        {"options_string_yaml", "-options_file FILE reads a scene file, from the command line"},
         {"eps_nev", "spectrum_count says how many eigenvalues are listed"}};
     for (const char* shift :
          {"st_type", "st_shift", "st_transform", "st_matmode", "st_matstructure", "eps_target"})

@@ -54,8 +54,7 @@ std::string checked_text(std::string text, const std::string& name) {
     const unsigned char c = (unsigned char)text[i];
     const bool line_end = c == '\n' || (c == '\r' && i + 1 < text.size() && text[i + 1] == '\n');
     if (length == 0 || (c < 0x20 && c != '\t' && !line_end) || c == 0x7f)
-      throw usage_error("{}:{}: not a text file (byte {}); a scene is YAML or one option a line", name, line,
-                        int(c));
+      throw usage_error("{}:{}: not a text file (byte {}); a scene is YAML", name, line, int(c));
     if (c == '\n') ++line;
     i += length;
   }
@@ -260,27 +259,12 @@ std::vector<Given> parse_yaml(const std::string& text, const std::string& name) 
   return YamlReader(checked_text(text, name), name).read();
 }
 
-std::vector<Given> parse_plain(const std::string& text, const std::string& name) {
-  const std::vector<std::string> lines = lines_of(checked_text(text, name));
-  std::vector<Given> given;
-  FirstLines options(name, "option");
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    const std::string where = name + ":" + std::to_string(i + 1);
-    const std::vector<std::string> words = split_words(lines[i], where, '#');
-    if (words.empty()) continue;
-    if (words[0].size() < 2 || words[0][0] != '-' || !is_letter(words[0][1]) || words.size() > 2)
-      throw UsageError(where + ": not understood: " + quoted(lines[i]) +
-                       "; each line holds one option, -name value");
-    const std::string option = words[0].substr(1);
-    options.add(option, i + 1);
-    given.push_back({option, words.size() > 1 ? std::optional<std::string>(words[1]) : std::nullopt, where});
-  }
-  if (given.empty()) throw UsageError(name + ":1: no options in it: the scene is empty");
-  return given;
-}
-
 std::vector<Given> read_scene(const std::string& path) {
   const std::string name = quoted(path);
+  if (ends_with(path, ".opts"))
+    throw UsageError("scene " + name +
+                     ": a scene is YAML: write `name: value` where `-name value` stands, in a file .yaml; or "
+                     "give the words of this file in PETSC_OPTIONS");
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) throw UsageError("scene " + name + ": " + std::strerror(errno));
   if (S_ISDIR(status.st_mode)) throw UsageError("scene " + name + ": is a directory");
@@ -291,8 +275,7 @@ std::vector<Given> read_scene(const std::string& path) {
   if (!file) throw UsageError("scene " + name + ": " + std::strerror(errno));
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (file.bad()) throw UsageError("scene " + name + ": cannot be read");
-  return ends_with(path, ".yaml") || ends_with(path, ".yml") ? parse_yaml(text, name)
-                                                             : parse_plain(text, name);
+  return parse_yaml(text, name);
 }
 
 }  // namespace stickslip

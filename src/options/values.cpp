@@ -80,11 +80,10 @@ std::vector<std::string> split_list(const std::string& text) {
   return parts;
 }
 
-std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment) {
+std::vector<std::string> split_words(const std::string& text, const std::string& where) {
   const char* const blank = " \t\r\n";
   std::vector<std::string> words;
-  for (std::size_t at = 0;
-       (at = text.find_first_not_of(blank, at)) != std::string::npos && text[at] != comment;) {
+  for (std::size_t at = 0; (at = text.find_first_not_of(blank, at)) != std::string::npos;) {
     const bool in_quotes = text[at] == '"' || text[at] == '\'';
     const std::size_t begin = in_quotes ? at + 1 : at;
     const std::size_t end =

@@ -26,7 +26,7 @@ std::vector<std::string> split_list(const std::string& text);  // at commas, wit
 // Words between blanks; one that begins with a quote ends with it, and may hold blanks. What follows a word
 // that begins with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for
 // a quote that is not closed.
-std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment = 0);
+std::vector<std::string> split_words(const std::string& text, const std::string& where);
 bool is_word(const OptionSpec& spec, const std::string& text);  // is it one of the spec's?
 // x1:value1,x2:value2,... of finite numbers, x ascending, each at most twice.
 using Pairs = std::vector<std::pair<double, double>>;

@@ -21,7 +21,6 @@ SCENES = {
     "good.opts": b"# plain form\n-model_gamma 2\n-grid_n 32\n-ts_max_time 0.1\n",
     "empty.yaml": b"",
     "comments.yaml": b"# nothing\n\n",
-    "empty.opts": b"\n",
     "nul.yaml": b"\0\0\0\0",
     "binary.yaml": b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08",
     "late_nul.yaml": b"model_gamma: 3\n\0grid_n: 5\n",
@@ -31,14 +30,12 @@ SCENES = {
     "twice_nested.yaml": b"model: {gamma: 3}\nmodel_gamma: 4\n",
     "twice_case.yaml": b"model_gamma: 3\nMODEL_GAMMA: 4\n",
     "twice_map.yaml": b"model: {gamma: 3}\nmodel: {c: 4}\n",
-    "twice.opts": b"-model_gamma 3\n-model_gamma 4\n",
     "tab.yaml": b"model:\n\tgamma: 3\n",
     "open.yaml": b"model: {gamma: 3\n",
     "anchor.yaml": b"model_gamma: &g 3\n",
     "tag.yaml": b"model_gamma: !!float 3\n",
     "text.yaml": b"this is not a scene\n",
     "json.yaml": b"[1, 2, 3]\n",
-    "stray.opts": b"-model_gamma 3 4\n",
     "unknown.yaml": b"model:\n  gamma: 3\n  gama: 3\n",
     "typed.yaml": b"model:\n  gamma: three\n",
     "null.yaml": b"model:\n  gamma:\n",
@@ -195,7 +192,6 @@ SCENE_CASES = [
     ("folder.yaml", "scene folder.yaml: is a directory"),
     ("empty.yaml", "empty.yaml:1: no options"),
     ("comments.yaml", "comments.yaml:3: no options"),
-    ("empty.opts", "empty.opts:1: no options"),
     ("nul.yaml", "nul.yaml:1: not a text file"),
     ("binary.yaml", "binary.yaml:1: not a text file"),
     ("late_nul.yaml", "late_nul.yaml:2: not a text file"),
@@ -205,14 +201,13 @@ SCENE_CASES = [
     ("twice_nested.yaml", "twice_nested.yaml:2: option model_gamma stands here again, first in line 1"),
     ("twice_case.yaml", "twice_case.yaml:2: key MODEL_GAMMA"),
     ("twice_map.yaml", "twice_map.yaml:2: key model"),
-    ("twice.opts", "twice.opts:2: option model_gamma"),
     ("tab.yaml", "tab.yaml:2: a tab"),
     ("open.yaml", "open.yaml:1: a brace, bracket or quote is not closed"),
     ("anchor.yaml", "anchor.yaml:1: anchors"),
     ("tag.yaml", "tag.yaml:1: tags"),
     ("text.yaml", "text.yaml:1:"),
     ("json.yaml", "json.yaml:1:"),
-    ("stray.opts", "stray.opts:1:"),
+    ("good.opts", "a scene is YAML: write `name: value` where `-name value` stands"),
     ("unknown.yaml", "unknown option -model_gama (unknown.yaml:3); did you mean -model_gamma?"),
     ("typed.yaml", "-model_gamma three (typed.yaml:2): must be a finite number > 0"),
     ("null.yaml", "null.yaml:2: model_gamma needs a value"),
@@ -346,6 +341,7 @@ CASES = [(arguments, code, expected, None, 1) for arguments, code, expected in U
 CASES += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, expected in OPTIONS]
 CASES += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
 CASES += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
+CASES += [(["run"] + SHORT, 2, "PETSC_OPTIONS_YAML: is not read; give -options_file", {"PETSC_OPTIONS_YAML": "model: {gamma: 7}"}, 1)]
 CASES += [(arguments, 2, expected, None, 1) for arguments, expected in COMMANDS]
 CASES += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
 
@@ -404,7 +400,7 @@ def test_right_use(scratch):
     shutil.copy(os.path.join(folder, "HOME.petscrc"), os.path.join(folder, ".petscrc"))
     gamma([], "3")  # .petscrc is not read
     gamma(["good.yaml"], "2")
-    gamma(["-model_c", "1", "good.opts", "-model_v", "-0.2"], "2")
+    gamma(["-model_c", "1", "good.yaml", "-model_v", "-0.2"], "2")
     gamma(["good.yaml", "-model_gamma", "5"], "5")
     gamma(["-model_gamma", "5", "good.yaml"], "5")
     gamma(["--model_gamma", "5"], "5")
@@ -412,11 +408,10 @@ def test_right_use(scratch):
     gamma(["-model_gamma", "4", "-model_gamma", "5"], "5")
     gamma(["good.yaml"], "4", {"PETSC_OPTIONS": "-model_gamma 4"})
     gamma(["good.yaml", "-model_gamma", "5"], "5", {"PETSC_OPTIONS": "-model_gamma 4"})
-    gamma([], "7", {"PETSC_OPTIONS_YAML": "model: {gamma: 7}"})
     gamma(["-options_file", "good.yaml"], "2")
     gamma(["-options_file", "good.yaml", "-model_gamma", "5"], "5")
-    shutil.copy(os.path.join(folder, "good.opts"), os.path.join(folder, "plainrc"))
-    gamma(["-options_file", "plainrc"], "2")
+    shutil.copy(os.path.join(folder, "good.yaml"), os.path.join(folder, "without_suffix"))
+    gamma(["-options_file", "without_suffix"], "2")
     gamma(["-out_displacement", "good.yaml"], "2")  # a flag does not swallow the scene
     expect(["run", "-summary", "-", "-bc_left", "velocity", "-bc_left_value", "-1.5"] + SHORT,
            '"bc_left_value": "-1.5"', silent=False)

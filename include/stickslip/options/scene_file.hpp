@@ -1,5 +1,4 @@
-// Reads scene files: options as YAML (.yaml, .yml) or in PETSc's plain form (.opts, one `-name value` a
-// line).
+// Reads scene files: options as YAML.
 //
 // The YAML understood is what scenes need: nested maps, as blocks or in braces, whose keys join with `_`;
 // numbers, words and quoted text; lists in brackets or with dashes, which become comma-joined text; comments.
@@ -16,14 +15,14 @@
 
 namespace stickslip {
 
-bool has_scene_suffix(const std::string& path);  // .yaml, .yml, .opts
+bool has_scene_suffix(const std::string& path);  // .yaml, .yml; .opts too, which read_scene() refuses
 
 // The options in the order in which they stand; `where` of each is name:line. Throw UsageError with
 // name:line.
 std::vector<Given> parse_yaml(const std::string& text, const std::string& name);
-std::vector<Given> parse_plain(const std::string& text, const std::string& name);
 
-// Reads a file: YAML where its name says so, else the plain form. Not collective: for rank 0.
+// Reads a file. UsageError also for PETSc's plain form, .opts, with what to do instead. Not collective: for
+// rank 0.
 std::vector<Given> read_scene(const std::string& path);
 
 }  // namespace stickslip
