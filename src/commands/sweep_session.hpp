@@ -1,20 +1,45 @@
-// A sweep under way: its points shared out over groups of ranks, their rows noted, the table written.
+// A sweep under way: a command as one of many in the same process; the points shared out over groups of ranks,
+// their rows noted, the table written.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
+#include "base/json_values.hpp"
 #include "base/progress.hpp"
-#include "commands/point_runner.hpp"
 #include "commands/rank_groups.hpp"
 #include "commands/run_control.hpp"
+#include "commands/table.hpp"
 #include "output/sweep_table.hpp"
+#include "stickslip/options/options.hpp"
 #include "study/sweep_plan.hpp"
 
 namespace stickslip {
 
+// A command as one of many in the same process.
+class PointRunner {
+ public:
+  // `base`: whose library options are in PETSc's database. Both must outlive it.
+  PointRunner(const Command& command, const Options& base) : command_(command), base_(base) {}
+
+  struct Outcome {
+    Json row;      // flat_row of its summary; of a point that fails at least status and reason
+    int code = 0;  // exit code: 0, or that of a signal it stopped for
+    // What one rank of several met alone, while others may wait for it: for the caller to throw.
+    std::exception_ptr alone;
+  };
+  // On the ranks of PETSC_COMM_WORLD, with nothing written but what `options` ask for. Collective.
+  Outcome run(const Options& options) const;
+
+ private:
+  const Command& command_;
+  const Options& base_;
+};
+
+// The points shared out over groups of ranks, their rows noted, the table written.
 class SweepSession {
  public:
   // `sweep`: the options of the sweep; `base`: those of the command at every point but for what is varied.

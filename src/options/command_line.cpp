@@ -8,7 +8,6 @@
 #include "base/failure.hpp"
 #include "base/json_values.hpp"
 #include "options/columns.hpp"
-#include "options/unset_word.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"

@@ -4,7 +4,6 @@
 #include <set>
 
 #include "base/failure.hpp"
-#include "options/unset_word.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"

@@ -42,4 +42,9 @@ const OptionSpec& real_option(const std::string& by, const std::string& name, co
 // " (scene.yaml:3)", for messages; "" for the command line.
 std::string in_place(const std::string& where);
 
+// Whether this is a word in place of the option's value that takes away what stands below it, say the load of
+// a scene (-load_v none): `none` or `unlimited`, where the option's help shows that as its default and a text
+// may not mean something else.
+bool takes_away(const OptionSpec& spec, const std::string& text);
+
 }  // namespace stickslip

@@ -156,7 +156,7 @@ OPTIONS = [
     (["-ts_type", "arkimex", "-ksp_gmres_restart", "1e10"], "-ksp_gmres_restart 1e10"),
     (["-ts_type", "arkimex", "-pc_type", "luu"], "did you mean lu?"),
     (["-ts_time_span", "0,1"], "-ts_time_span"),
-    (["-options_file_yaml", "good.yaml"], "-options_file FILE reads either form"),
+    (["-options_file_yaml", "good.yaml"], "-options_file FILE reads a scene file"),
     (["-options_file", "missing.yaml"], "scene missing.yaml: No such file"),
     (["-ts_view", "asci:x"], "did you mean ascii?"),
     (["-ts_view", ":/nonexistent/x"], "/nonexistent"),
