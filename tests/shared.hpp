@@ -68,8 +68,8 @@ auto with_friction(const FrictionParameters& p, const Body& body) {
   return body(*Friction::of(p));
 }
 
-// Every combination is tried on one rank; on more, where each reduction waits for all of them, one of so many,
-// others on each number of ranks.
+// Every combination is tried on one rank; on more, where each reduction waits for all of them, one of so
+// many, others on each number of ranks.
 inline bool in_turn(int combination, int ranks, int many = 13) {
   return ranks == 1 || (combination + ranks) % many == 0;
 }

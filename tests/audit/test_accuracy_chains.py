@@ -123,7 +123,7 @@ def audited(drawn):
 
 
 def test_error_and_estimate(scenes):
-    audited(scenes(draw, 1650, short=8))
+    audited(scenes(draw, 1650, short=6))
 
 
 def test_errors_that_fall_slowly_or_by_leaps():

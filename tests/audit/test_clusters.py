@@ -8,7 +8,7 @@ from cluster_scenes import OFF, ON, catalogue, drawn_scene, events_alike
 
 def test_events_of_random_scenes(scenes):
     alike = []  # where there are as many as are asked for
-    for index, (given, loading) in scenes(lambda random: drawn_scene(random, 300, 10), salt=39, short=5):
+    for index, (given, loading) in scenes(lambda random: drawn_scene(random, 300, 10), salt=39, short=3):
         count, of = events_alike(given, loading)
         check(count >= min(5, of), f"scene {index}: {count} of {of} events: {given}")
         if of >= 20:

@@ -36,7 +36,7 @@ def apart(found, known):
 
 def test_multipliers_of_random_cycles(scenes):
     compared = unstable = 0
-    for index, p in scenes(scene, 71, short=4):
+    for index, p in scenes(scene, 71, short=3):
         done = call(words(p) + ["-cycle_spectrum", "-cycle_wavenumbers", "8", "-out_file", "c.h5", "-summary", "s.json"], command="cycle")
         if done.returncode == 1:  # no cycle, which it says
             check("no cycle" in done.stderr, done.stderr)

@@ -217,7 +217,7 @@ def check(scene, text):
 
 
 def test_random_trains(scenes):
-    for index, scene in scenes(draw, 201, short=3):
+    for index, scene in scenes(draw, 201, short=2):
         check(scene, f"scene {index}: {scene['options']} -wave_pulses {scene['pulses']}")
 
 

@@ -88,7 +88,7 @@ def compare(p, text):
 
 def test_periods_with_corners(scenes):
     drawn = compared = 0
-    for index, p in scenes(draw, 343, short=2):
+    for index, p in scenes(draw, 343, short=1):
         drawn += 1
         compared += compare(p, f"scene {index}: {p}")
     assert compared > drawn / 5, f"{compared} of {drawn}"

@@ -67,7 +67,7 @@ def growth(p, C):
 
 def test_words(scenes):
     """Every scene's word against the years after it."""
-    for index, (p, begin, C) in scenes(draw, 161, short=7):
+    for index, (p, begin, C) in scenes(draw, 161, short=5):
         out, _ = run([*words(p), "-out_file", "run.h5", "-out_frames", 2])
         t, size = truth(p, read(data("run.h5"), 0))  # from the program's own first frame: the start is not what is tested
         word, end, rate = out["regime"], p["ts_max_time"], growth(p, C)

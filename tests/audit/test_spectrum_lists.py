@@ -52,7 +52,7 @@ def check(index, p, method):
 
 
 def test_lists_have_no_holes(scenes):
-    whole = [check(index, p, ("krylov", "auto")[index % 2]) for index, p in scenes(sliding.scene, 31, short=12)]
+    whole = [check(index, p, ("krylov", "auto")[index % 2]) for index, p in scenes(sliding.scene, 31, short=8)]
     whole = [w for w in whole if w is not None]
     assert len(whole) > 6 and np.mean(whole) > 0.97, f"{whole.count(True)} of {len(whole)} lists are whole"
 
@@ -81,7 +81,7 @@ def check_ring(index, n, amplitudes, v, k0, k1, count, method):
 
 
 def test_rings_of_double_values(scenes):
-    right = [check_ring(index, *r, ("krylov", "auto")[index % 2]) for index, r in scenes(ring, 32, short=3)]
+    right = [check_ring(index, *r, ("krylov", "auto")[index % 2]) for index, r in scenes(ring, 32, short=2)]
     assert np.mean(right) > 0.9, f"{sum(right)} of {len(right)} lists have no hole"
 
 

@@ -129,5 +129,5 @@ def check(scene, text):
 
 
 def test_random_trains(scenes):
-    for index, scene in scenes(draw, 202, short=3):
+    for index, scene in scenes(draw, 202, short=2):
         check(scene, f"scene {index}: {' '.join(words(scene))}")

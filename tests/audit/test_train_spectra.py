@@ -101,7 +101,7 @@ def command(p):
 
 def test_random_spectra(scenes):
     drawn = compared = 0
-    for index, p in scenes(draw, 341, short=2):
+    for index, p in scenes(draw, 341, short=1):
         summary, _ = run(command(p) + " -out_file train.h5", command="wave", code=None)
         drawn += 1
         if summary["status"] != "done":  # nothing oscillates

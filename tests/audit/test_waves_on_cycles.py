@@ -61,7 +61,7 @@ def compare(p, text):
 
 def test_waves_on_random_cycles(scenes):
     drawn = compared = 0
-    for index, p in scenes(draw, 342, short=5):
+    for index, p in scenes(draw, 342, short=3):
         drawn += 1
         compared += compare(p, f"scene {index}: {p}")
     assert compared > drawn / 4, f"{compared} of {drawn}"
