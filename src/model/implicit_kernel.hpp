@@ -2,15 +2,17 @@
 //
 // With y = (psi, eta, state), h the step times the diagonal entry of the tableau and z what the earlier
 // stages give:
-//     psi = z_psi + h A m (eta - B psi - F),  eta = z_eta + h [K0 (v - psi) - s delta m (eta - F)],  s = z_s
-//                                                                                                    + h g
+//     psi = z_psi + h A m (eta - B psi - F)
+//     eta = z_eta + h [K0 (v - psi) - s delta m (eta - F)]
+//     s = z_s + h g
 // where m is 1, or 0 at rest and at a held node. eta put into the first:
 //     r(psi) = a psi + q F(psi, s) - R = 0,   q = h A m/(1 + h s delta m),  a = 1 + m h A B + q h K0,
 //     R = z_psi + q (z_eta + h K0 v)
 // Where friction rises, r does, and has one zero. Where it falls with velocity and the step is long, r has
-// several: the one wanted is that which the step leads to as h grows from 0, along which dr/dpsi > 0. A node
-// is told as unsolved where dr/dpsi is not positive on the way from the start of the step to the zero found
-// (`strict`); otherwise the first zero that lies in the direction of -r is taken.
+// several: the one wanted is that which the step leads to as h grows from 0, along which dr/dpsi > 0. Where
+// dr/dpsi is not positive on the way from the start of the step to the zero found, `strict` counts the node
+// among the unsolved ones, and the step is repeated with a shorter h; otherwise the first zero that lies in
+// the direction of -r is taken.
 //
 // Newton's method goes on at each node until that node's own residual is small, whatever its neighbours do,
 // so that its value does not depend on the tile it lies in. A step of it, r over the slope, errs by no more

@@ -60,7 +60,6 @@ struct Declared {
 };
 
 // ---- sgn(psi) and |psi| with their slopes, exact or regularised over the velocity eps
-// -----------------------------
 
 // `continuous`: friction is continuous at rest although its law may jump there, and sgn(0) does not matter.
 template <bool continuous>
@@ -156,7 +155,6 @@ struct VelocityOfForce {
 inline double direction_of(double psi) { return elementary::sign_or_zero(psi); }
 
 // ---- friction = law and state
-// -------------------------------------------------------------------------------------
 
 // No state law.
 struct NoState : StateDefaults {

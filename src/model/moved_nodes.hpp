@@ -14,8 +14,7 @@ namespace stickslip {
 
 // A step of nodes first, first + 1, ... (round a ring): their unknowns (the state where there is one) and the
 // right-hand side at its beginning and end; where neighbours have viscosity also N D2 psi and N D2 psi_t,
-// else nullptr. direction: 1
-// or -1 while the node slides in the step, 0 while it rests.
+// else nullptr. direction: 1 or -1 while the node slides in the step, 0 while it rests.
 struct MovedNodes {
   double t0, t1;
   PetscInt first, count;

@@ -64,7 +64,6 @@ template std::vector<std::complex<double>> multipliers_of(int, const Pencil<doub
 template std::vector<std::complex<double>> multipliers_of(int, const Pencil<std::complex<double>>&);
 
 // ---- the nonlinear equations
-// ----------------------------------------------------------------------------------------
 
 struct PeriodicEquations::Linear {
   CondensedPeriod condensed;

@@ -379,7 +379,6 @@ std::optional<long> count_directly(const LinearisedOperator& s, double a, double
 }
 
 // ---- long lines
-// ---------------------------------------------------------------------------------------------------
 
 // Right of this S/lambda has a positive real part, at least Re lambda/A + beta - |q|/(Re lambda + r), where
 // D2 is symmetric; or is diagonally dominant.

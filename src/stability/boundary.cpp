@@ -125,7 +125,6 @@ struct OnTheWay {
 };
 
 // ---- one parameter
-// ------------------------------------------------------------------------------------------------
 
 // The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed
 // are sought, and the zero lies further on the stable side.
@@ -192,7 +191,6 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
 }
 
 // ---- two parameters
-// -----------------------------------------------------------------------------------------------
 
 namespace {
 

@@ -65,7 +65,6 @@ bool GrowthRate::differ(const std::optional<LinearisedOperator>& a,
 }
 
 // ---- the leading mode
-// ---------------------------------------------------------------------------------------------
 
 std::optional<LeadingMode> GrowthRate::leading_from(KnownModes& known, double x, double y, bool counted,
                                                     bool only_sign) {
@@ -109,7 +108,6 @@ void GrowthRate::learn(double x, double y) {
 }
 
 // ---- cells
-// ------------------------------------------------------------------------------------------------------
 
 // Counted as often as they cost.
 double GrowthRate::side() {
@@ -175,7 +173,6 @@ bool GrowthRate::near(const Cell& a, const Cell& b) {
 double GrowthRate::operator()(double x, double y) { return growth_of(leading(x, y)); }
 
 // ---- a point of the boundary
-// --------------------------------------------------------------------------------------
 
 namespace {
 
@@ -279,7 +276,6 @@ double GrowthRate::count_cost() const {
 }
 
 // ---- other grids
-// --------------------------------------------------------------------------------------------------
 
 std::optional<GrowthRate> GrowthRate::finer() const {
   if (scene(0.5, 0.5).form == Form::chain) return std::nullopt;

@@ -25,7 +25,6 @@ bool all_known(const LinearisedOperator& s, bool refine) {
 }
 
 // ---- one mode
-// -----------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -70,7 +69,6 @@ double count_effort(const LinearisedOperator& s) {
 }
 
 // ---- several
-// ------------------------------------------------------------------------------------------------------
 
 // The modes known, on their way to an operator.
 class Following {
@@ -250,7 +248,6 @@ LeadingMode Following::leading() const {
 }
 
 // ---- those that are missing
-// ---------------------------------------------------------------------------------------
 
 // Polishes zeros that a count has seen, the rightmost four; whether one is new.
 bool Following::add_near(std::vector<Complex> where, double line, std::vector<FollowedMode>& all) const {

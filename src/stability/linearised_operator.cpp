@@ -83,7 +83,6 @@ LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t co
 }
 
 // ---- S
-// -----------------------------------------------------------------------------------------------------------
 
 std::vector<Complex> LinearisedOperator::apply(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> y = coupling.minus_d2(p);
@@ -131,7 +130,6 @@ LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
 }
 
 // ---- J
-// -----------------------------------------------------------------------------------------------------------
 
 std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> x(unknowns());
@@ -246,7 +244,6 @@ std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU&
 }
 
 // ---- waves
-// --------------------------------------------------------------------------------------------------------
 
 double LinearisedOperator::symbol(double k) const { return stickslip::symbol(scene.order, spacing(), k); }
 double LinearisedOperator::largest_symbol() const {
@@ -334,7 +331,6 @@ std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
 }
 
 // ---- bounds
-// -------------------------------------------------------------------------------------------------------
 
 // Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0
 // - K1 D2, with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.

@@ -28,7 +28,6 @@ const Mode* ModeSearch::rightmost() const {
 }
 
 // ---- guesses
-// ------------------------------------------------------------------------------------------------------
 
 // The modes of every task, on every rank.
 std::vector<std::vector<Mode>> ModeSearch::distribute(std::size_t tasks, const Task& task) const {
@@ -226,7 +225,6 @@ void ModeSearch::scan(std::vector<Complex> places, double line, int round) {
 }
 
 // ---- counting
-// -----------------------------------------------------------------------------------------------------
 
 std::optional<ModeSearch::Count> ModeSearch::count(double line, std::vector<Complex>* where) const {
   const std::optional<long> all = exact_.apply()
@@ -273,7 +271,6 @@ std::vector<Complex> ModeSearch::unknown(std::vector<Complex> zeros) const {
 }
 
 // ---- the list is whole
-// --------------------------------------------------------------------------------------------
 
 // Modes listed: as many as make `count` eigenvalues. modes_ is sorted, and what is out of reach is not
 // listed.
@@ -361,7 +358,6 @@ bool ModeSearch::close_list(Spectrum& result) {
 }
 
 // ---- the rightmost is certain
-// -------------------------------------------------------------------------------------
 
 void ModeSearch::close_rightmost(Spectrum& result) {
   for (int round = 0;; ++round) {

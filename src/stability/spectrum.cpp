@@ -312,7 +312,6 @@ std::vector<Complex> velocities_of(const LinearisedOperator& s, const std::vecto
 }  // namespace
 
 // ---- dense
-// --------------------------------------------------------------------------------------------------------
 
 std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   const std::size_t n = s.unknowns(), dof = s.dof();
@@ -345,7 +344,6 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
 }
 
 // ---- krylov
-// -------------------------------------------------------------------------------------------------------
 
 namespace {
 

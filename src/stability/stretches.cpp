@@ -159,7 +159,6 @@ bool build(const Rows& rows, const ContourPiece& piece, Level& level) {
 }
 
 // ---- the ends
-// -----------------------------------------------------------------------------------------------------
 
 namespace {
 

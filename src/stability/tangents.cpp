@@ -92,7 +92,6 @@ void Tangents::renew() {
 }
 
 // ---- starts and stops
-// -------------------------------------------------------------------------------------------
 
 // A node that rests has no deviation in psi.
 void Tangents::begin(Vec u) {
@@ -232,7 +231,6 @@ void Tangents::jump(Vec u) {
 }
 
 // ---- between them
-// -------------------------------------------------------------------------------------------------
 
 // Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as
 // keep what is left of a vector above round-off.
@@ -345,7 +343,6 @@ double Tangents::move_stiff(double dt, const Inside& inside, double most) {
 }
 
 // ---- orthonormal vectors
-// --------------------------------------------------------------------------------------------
 
 std::vector<double> Tangents::growth() {
   orthonormalise(false);

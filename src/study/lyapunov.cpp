@@ -122,7 +122,6 @@ void LyapunovExponents::archive(Archive& a) {
 }
 
 // ---- what it amounts to
-// -------------------------------------------------------------------------------------------
 
 void LyapunovExponents::summarise(Summary& summary, Vec u) {
   if (!u) return;

@@ -140,7 +140,6 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
 }
 
 // ---- stability of the whole scene's motion
-// ------------------------------------------------------------------------
 
 namespace {
 

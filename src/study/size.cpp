@@ -31,7 +31,6 @@ constexpr double too_small = 1e8;        // what any machine has
 constexpr double most_of_a_node = 4000;  // bytes, so that small scenes are not looked at
 
 // ---- bytes of a node (size.hpp)
-// -----------------------------------------------------------------------------------
 
 struct Unknowns {
   double dof, V, block;  // block: an entry of a matrix with its column
@@ -144,7 +143,6 @@ double bytes_of(const Options& options, const Scene& scene) {
 }
 
 // ---- what is there
-// ------------------------------------------------------------------------------------------------
 
 struct Need {
   double bytes, there;

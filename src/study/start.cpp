@@ -36,7 +36,6 @@ namespace {
 constexpr std::size_t nearest = 4;  // points of which a value between is made
 
 // ---- values at the nodes from values at other points
-// ---------------------------------------------------------------
 
 double tolerance(const Scene& s) { return 1e-9 * s.length; }
 
@@ -143,7 +142,6 @@ void check_fields(const Scene& s, const Options& options, const Frame& frame, co
 }
 
 // ---- the kinds of files
-// --------------------------------------------------------------------------------------------
 
 std::string file_of(const Options& options) {
   if (!options.is_set("init_file"))

@@ -27,7 +27,6 @@ bool is_own(const std::string& name) {
 }  // namespace
 
 // ---- one axis
-// -----------------------------------------------------------------------------------------------------
 
 SweepAxis::SweepAxis(const Options& sweep, int number) {
   const std::string n = std::to_string(number), own = "sweep_parameter" + n;
@@ -87,7 +86,6 @@ Options SweepAxis::set(Options options, const std::string& value) const {
 }
 
 // ---- all of them
-// --------------------------------------------------------------------------------------------------
 
 SweepPlan::SweepPlan(const Options& sweep, const Options& base)
     : base_(base), follow_(sweep.boolean("sweep_follow")), seed_(sweep.integer("sweep_seed")) {

@@ -24,7 +24,6 @@ BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
 }
 
 // ---- the tree
-// -----------------------------------------------------------------------------------------------------
 
 static int middle_of(int lo, int hi) {
   int half = 1;
@@ -89,7 +88,6 @@ void BandSystemOf<hw>::set_up_gather() {
 }
 
 // ---- factors
-// ------------------------------------------------------------------------------------------------------
 
 template <int hw>
 void BandSystemOf<hw>::set_coefficients(Factors& f, double a, double p) const {
@@ -212,7 +210,6 @@ bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
 }
 
 // ---- one solve
-// ----------------------------------------------------------------------------------------------------
 
 template <int hw>
 void BandSystemOf<hw>::forward(std::size_t tile, const double* d, const double* b) {
@@ -394,7 +391,6 @@ void BandSystemOf<hw>::backward(std::size_t tile, const double* d, const double*
 }
 
 // ---- between ranks
-// ------------------------------------------------------------------------------------------------
 
 // Walks over all numbers that the ranks tell each other, in their order; body(rank, a, count) for each piece
 // of them. Returns the conjunction of the flags.

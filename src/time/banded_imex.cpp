@@ -74,7 +74,6 @@ void BandedImex::set_direction(const std::vector<double>& direction) {
 }
 
 // ---- a step
-// -------------------------------------------------------------------------------------------------------
 
 StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                     const std::vector<VecHandle>& slopes, Vec, double begin) const {
@@ -242,7 +241,6 @@ void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
 }
 
 // ---- the wave implicit
-// --------------------------------------------------------------------------------------------
 
 void BandedImex::forward(std::size_t tile, int i, const Step& step) const {
   const BandTile& t = layout_.tiles()[tile];
@@ -276,7 +274,6 @@ bool BandedImex::linear_stage(int i, bool begun, const Step& step) const {
 }
 
 // ---- everything implicit
-// ------------------------------------------------------------------------------------------
 
 // psi goes on as the stage before did, unless that leads far.
 void BandedImex::guess(const BandTile& t, int i, const Step& step) const {
@@ -351,7 +348,6 @@ BandedImex::Newton BandedImex::newton(int i, const Step& step) const {
 }
 
 // ---- its end
-// ------------------------------------------------------------------------------------------------------
 
 void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, StepErrors::Sums& sums) const {
   const int dof = model_.dof();

@@ -268,7 +268,6 @@ bool FiniteTest::operator()(Vec u) const {
 }
 
 // ---- set-up
-// ----------------------------------------------------------------------------------------------------
 
 PetscStepper::PetscStepper(const Model& model, TS ts, Implicit implicit, const Capabilities& can,
                            const std::string& prefix, Loop loop)
@@ -320,7 +319,6 @@ void PetscStepper::set_up(const Method& method, bool adaptive, PetscInt most_rej
 }
 
 // ---- a step
-// -----------------------------------------------------------------------------------------------------
 
 namespace {
 

@@ -17,7 +17,6 @@
 namespace stickslip {
 
 // ---- a run
-// ------------------------------------------------------------------------------------------------------
 
 void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer,
                              std::int64_t max_steps) {
@@ -108,7 +107,6 @@ void Integrator::Impl::view(const char* option) const {
 }
 
 // ---- one step
-// ---------------------------------------------------------------------------------------------------
 
 void Integrator::Impl::begin_step() {
   drive.t_before = drive.t;
@@ -303,7 +301,6 @@ void Integrator::Impl::fail(const Stepper::Outcome& outcome) const {
 }
 
 // ---- between steps
-// ----------------------------------------------------------------------------------------------
 
 bool Integrator::Impl::output_due(double until) {
   return next_output_time && next_output_time(drive.t_before) <= until;
@@ -336,7 +333,6 @@ void Integrator::Impl::interpolate(double at, Vec into) {
 }
 
 // ---- what others see
-// ---------------------------------------------------------------------------------------------
 
 Integrator::Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix)
     : impl_(std::make_unique<Impl>(model, prefix)) {
