@@ -15,7 +15,8 @@ TEST_CASE("waves bound the steps of rk:7vr alone", "[accuracy][serial]") {
     const Setting setting{MethodSpec::parse("test", pair), 1e-5, 0, scene.order, scene.n};
     return SceneAtStart(options, scene).longest_step(setting);
   };
-  const std::vector<Given> ring = {{"init_type", "sine", ""}, {"grid_length", "20", ""}, {"grid_n", "60", ""}};
+  const std::vector<Given> ring = {
+      {"init_type", "sine", ""}, {"grid_length", "20", ""}, {"grid_n", "60", ""}};
   // the shortest wave at order 4: frequency^2 = 1 + 16/3/dx^2 = 49
   CHECK(longest(ring, "rk:7vr") == Approx(4.4 / 7));
   CHECK(longest(ring, "rk:5dp") == 0);

@@ -1,5 +1,5 @@
-// A sweep under way: a command as one of many in the same process; the points shared out over groups of ranks,
-// their rows noted, the table written.
+// A sweep under way: a command as one of many in the same process; the points shared out over groups of
+// ranks, their rows noted, the table written.
 #pragma once
 
 #include <exception>

@@ -148,7 +148,8 @@ struct AccuracyPlan::Impl {
     if (type == "layer") count = std::max(count, 3 * request.scene.length / options.real("init_width"));
     if (request.corner_distance > 0)
       count = std::max(count, 0.8 * request.scene.length / request.corner_distance);
-    if (runs.jump()) count = std::max(count, runs.jump()->least_cells(setting.order, runs.at_start().t_end()));
+    if (runs.jump())
+      count = std::max(count, runs.jump()->least_cells(setting.order, runs.at_start().t_end()));
     return std::floor(std::min(count, 1e5));
   }
 

@@ -216,8 +216,8 @@ std::vector<Setting> chart_settings(const Options& options) {
   std::vector<double> smoothings = options.reals("chart_smoothing");
   if (!smoothings.empty() && !scene.friction.sticks())
     throw UsageError("chart_smoothing " + options.text("chart_smoothing") +
-                     ": what it is compared with is exact stick (friction_stick exact), which this scene does "
-                     "not have");
+                     ": what it is compared with is exact stick (friction_stick exact), which this scene "
+                     "does not have");
   smoothings.insert(smoothings.begin(), 0);
   const double rate = scales_of(scene).rate;
   std::vector<Setting> settings;
