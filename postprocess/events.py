@@ -149,7 +149,7 @@ def draw_slip(picture, axes, run, plate):
     name_axes(axes, "t", "mean slip of events")
 
 
-def draw_deficit(picture, axes, run):
+def draw_deficit(axes, run):
     """How far the blocks lie behind the plate in the mean: its path less the moment so far over the length."""
     events = run["events"]
     order = np.argsort(events["t"])
@@ -176,7 +176,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None, kind="lnM", table
     gone = run["plate"].shift(times)
     plate = times, np.sign(run["shift"]) * (gone - gone[0])
     draw_slip(picture, slip, run, plate)
-    draw_deficit(picture, deficit, run)
+    draw_deficit(deficit, run)
     for axes in (slip, deficit):
         axes.locator_params(axis="x", nbins=5)
     first = f"map and slip: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""

@@ -39,7 +39,7 @@ FILES = {
     "limits": ("chart", "-chart_kind limits -grid_n 16 -grid_length 8 -ts_max_time 20 -chart_methods rk:4,cn"),
     "fit": ("fit", scene_file("fit-steps"))}
 ALWAYS = ["ring", "ring --phase", "lyapunov --lyapunov", "hold --lab", "wave", "cycle", "diagram", "sweep cycle", "chart", "limits",
-          "limits --fails"]
+          "limits --fails", "laws"]
 PICTURES = ["ring", "ring --profile", "ring --phase", "ring --probes", "ring --series", "ring other", "block", "lyapunov --lyapunov",
             "steps --lab", "hold --lab", "healing --lab", "spectrum", "wave", "laws", "cycle", "line", "diagram", "sweep", "sweep cycle",
             "map", "chart", "limits", "limits --fails", "fit"]
@@ -166,6 +166,38 @@ def test_limits_are_two_pictures(pictures):
     right, fails = pictures["limits"], pictures["limits --fails"]
     check("right" in right._suptitle.get_text() and "fail" in fails._suptitle.get_text(), "which is which")
     check(len(right.axes[0].patches) == 2 and len(fails.axes[0].patches) == 0, "bars of steps that are right alone")
+
+
+def test_each_law_has_a_panel(pictures):
+    """Twelve laws over each other cannot be told apart."""
+    shown = [axes for axes in pictures["laws"].axes if axes.axison]
+    check(len(shown) > 6 and len({axes.get_title() for axes in shown}) == len(shown), "a panel of its own for each law")
+    check(len({axes.get_ylim() for axes in shown}) == 1, "the same axes")
+
+
+def test_what_happens_at_the_end_of_a_branch_is_enlarged():
+    """Where nearly all of it happens in the last tenth of the axis: the range; else nothing."""
+    from figures_cycle import crowded
+    value = np.concatenate([np.linspace(0, 0.95, 50), np.linspace(0.95, 0.96, 50)])
+    fall = {"psi_max": np.concatenate([np.full(50, 2.), np.linspace(2, 1, 50)]), "psi_min": np.full(100, 1.), "value": value}
+    low, high = crowded(fall)
+    check(0.93 < low < 0.95 and 0.959 < high < 0.97, f"{low} to {high}")
+    check(crowded(fall | {"psi_max": 2 - value}) is None, "a branch that changes all along")
+
+
+def test_the_map_of_a_long_line_is_its_middle():
+    """As many nodes as can be told apart; and the line below is the plate less the mean slip."""
+    from events import draw_deficit, shown_part
+    x = np.arange(10000.)
+    low, high = shown_part({"x": x}, 10000., 1.)
+    check(high - low == 400 and low < 5000 < high and shown_part({"x": x[:100]}, 100., 1.) == (-np.inf, np.inf), f"{low} to {high}")
+    import style
+    axes = style.Picture(3).subplots()
+    events = {"t": np.array([2., 1.]), "moment": np.array([20., 10.]), "direction": np.array([1., 1.])}
+    draw_deficit(axes, {"x": x[:10], "events": events, "begin": 0, "end": 3, "shift": 3.,
+                        "plate": SimpleNamespace(shift=lambda t: 3 * t)})
+    ahead = axes.lines[0].get_ydata()
+    check(np.allclose(ahead, [0, 3, 2, 5, 3, 6]), f"{ahead}")
 
 
 def test_few_events(capsys):
