@@ -128,15 +128,14 @@ struct OnTheWay {
 
 // The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed
 // are sought, and the zero lies further on the stable side.
-Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
-  OnTheWay way{growth};
+Crossing zero_between(OnTheWay& way, Bracket bracket, bool counted) {
   for (int attempt = 0;; ++attempt) {
     const double x = find_root([&](double at) { return way(at, 0); }, bracket, 1e-14);
     if (std::isnan(x)) throw Failure("no steady sliding near a zero of the growth rate");
     Crossing c = way.crossing(x, 0);
-    if (counted) growth.count_growing(c);
+    if (counted) way.growth.count_growing(c);
     if (!c.complete || *c.complete || attempt == 5) return c;
-    const double f = growth_of(growth.leading_from(way.known, c.x, c.y, true));
+    const double f = growth_of(way.growth.leading_from(way.known, c.x, c.y, true));
     if (!(f > 0)) return c;
     (bracket.fa > 0 ? bracket.a : bracket.b) = c.x;
     (bracket.fa > 0 ? bracket.fa : bracket.fb) = f;
@@ -145,12 +144,14 @@ Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
 
 // What a grid of half the spacing changes of a root: its growth rate over the slope, which is taken on the
 // side where it is less.
-double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
-  const double step = 1e-6, there = fine(c.x);
+double grid_error(OnTheWay& way, GrowthRate& fine, const Crossing& c) {
+  OnTheWay there{fine};
+  there.take_hints(way.growth, way.known, c.x, 0);
+  const double change = there(c.x, 0) - c.growth, step = 1e-6;
   double slope = std::numeric_limits<double>::infinity();
   for (const double x : {c.x - step, c.x + step})
-    if (x >= 0 && x <= 1) slope = std::min(slope, std::abs(growth(x) - c.growth) / step);
-  return std::abs(growth.axes()[0].slope(c.x) * (there - c.growth) / slope);
+    if (x >= 0 && x <= 1) slope = std::min(slope, std::abs(way(x, 0) - c.growth) / step);
+  return std::abs(way.growth.axes()[0].slope(c.x) * change / slope);
 }
 
 }  // namespace
@@ -169,23 +170,24 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   const std::size_t every = counts_every(growth, std::size_t(changes));
   std::size_t number = 0;
   std::vector<Crossing> roots;
+  std::optional<GrowthRate> fine;
   for (const Bracket& bracket : brackets) {
-    if (bracket.a == bracket.b) {
-      roots.push_back(growth.crossing(bracket.a));
-      continue;
-    }
-    const Crossing c = zero_between(growth, bracket, number++ % every == 0);
-    if (growth.vanishes(c))
+    OnTheWay way{growth};
+    const bool touches = bracket.a == bracket.b;
+    if (touches) (void)growth.leading_from(way.known, bracket.a, 0, true);
+    Crossing c = touches ? way.crossing(bracket.a, 0) : zero_between(way, bracket, number++ % every == 0);
+    if (touches || growth.vanishes(c)) {
+      c.criticality = way.criticality(c);
+      if (roots.empty()) fine = growth.finer();
+      if (fine) c.error = grid_error(way, *fine, c);
       roots.push_back(c);
-    else
+    } else {
       findings.notes.push_back(
           fmt::format("the growth rate jumps through zero at {} = {}, where a mode "
                       "enters or leaves what the grid resolves: no boundary",
                       growth.axes()[0].name, number_text(c.value)));
+    }
   }
-  for (Crossing& c : roots) c.criticality = growth.criticality(c);
-  if (std::optional<GrowthRate> fine = roots.empty() ? std::nullopt : growth.finer())
-    for (Crossing& c : roots) c.error = grid_error(growth, *fine, c);
   note_short_waves(growth, roots, findings.notes);
   return roots;
 }
@@ -198,20 +200,23 @@ namespace {
 // through the others; it is counted there, and where a mode is lost. `block`: their side.
 Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
   Lattice lattice{cells, std::vector<double>((cells + 1) * (cells + 1))};
-  KnownModes known;
+  KnownModes known, first;  // the second: of the row of blocks, from which the next one is begun
   const auto sign_at = [&](double x, double y, bool counted) {
     auto at = growth.leading_from(known, x, y, counted, true);
     if (at && !counted && !known.sure) at = growth.leading_from(known, x, y, true, true);
     return growth_of(at);
   };
-  for (int block_j = 0; block_j <= cells; block_j += block)
+  for (int block_j = 0; block_j <= cells; block_j += block) {
+    known = first;
     for (int block_i = 0; block_i <= cells; block_i += block)
       for (int j = block_j; j <= std::min(cells, block_j + block - 1); ++j)
         for (int k = 0; k <= std::min(cells - block_i, block - 1); ++k) {
           const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + block - 1) - k;
           lattice.values[j * (cells + 1) + i] =
               sign_at(double(i) / cells, double(j) / cells, j == block_j && k == 0);
+          if (i == 0 && j == block_j) first = known;
         }
+  }
   return lattice;
 }
 

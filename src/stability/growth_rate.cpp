@@ -76,7 +76,7 @@ std::optional<LeadingMode> GrowthRate::leading_from(KnownModes& known, double x,
 }
 
 std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
-  if (recent_.modes.empty() && latest_) recent_ = cells_.at(*latest_).known;
+  if (recent_.modes.empty()) recent_ = nearest(x, y);
   return leading_from(recent_, x, y, true);
 }
 
@@ -134,15 +134,25 @@ GrowthRate::Cell& GrowthRate::cell(const CellKey& key, std::size_t nodes) {
   if (found != cells_.end()) return found->second;
   const double width = std::ldexp(side(), -int(key[0]));
   const auto middle = [&](std::int64_t at) { return std::min(1., (double(at) + 0.5) * width); };
+  const double x = middle(key[1]), y = axes_.size() > 1 ? middle(key[2]) : 0;
   Cell cell;
-  if (const auto s = linearised(middle(key[1]), axes_.size() > 1 ? middle(key[2]) : 0)) {
+  if (const auto s = linearised(x, y)) {
     cell = coefficients_of(*s);
-    if (latest_) cell.known = cells_.at(*latest_).known;
+    cell.known = nearest(x, y);
     (void)lead(comm_, *s, cell.known, true, settings_);
   }
+  cell.x = x;
+  cell.y = y;
   if (double(cells_.size() + 1) * double(nodes) > 250000) cells_.clear();
-  latest_ = key;
   return cells_[key] = std::move(cell);
+}
+
+KnownModes GrowthRate::nearest(double x, double y) const {
+  const Cell* best = nullptr;
+  const auto away = [&](const Cell& cell) { return std::hypot(cell.x - x, cell.y - y); };
+  for (const auto& [key, cell] : cells_)
+    if (!cell.known.modes.empty() && (!best || away(cell) < away(*best))) best = &cell;
+  return best ? best->known : KnownModes{};
 }
 
 GrowthRate::Cell GrowthRate::coefficients_of(const LinearisedOperator& s) {

@@ -101,6 +101,7 @@ class Following {
                    std::vector<FollowedMode>& all) const;
   std::optional<long> count_firmly(MPI_Comm comm, double line, std::vector<Complex>& where) const;
   void keep_rightmost(std::vector<FollowedMode> all);
+  std::vector<Mode> sought(MPI_Comm comm, bool thorough) const;
   void search(MPI_Comm comm, bool thorough);
   void recover(MPI_Comm comm);
   std::optional<LeadingMode> follow();
@@ -147,8 +148,8 @@ void Following::keep_rightmost(std::vector<FollowedMode> all) {
   }
 }
 
-// What the shifts of compute_spectrum() find, or (thorough) all its means, beside the modes followed so far.
-void Following::search(MPI_Comm comm, bool thorough) {
+// What the shifts of compute_spectrum() find, or (thorough) all its means.
+std::vector<Mode> Following::sought(MPI_Comm comm, bool thorough) const {
   SpectrumSettings settings;
   settings.count = 6;
   settings.compare = false;
@@ -156,10 +157,15 @@ void Following::search(MPI_Comm comm, bool thorough) {
   settings.quick = !thorough;
   settings.whole_list = false;
   settings.effort = count_effort(s_);
+  return compute_spectrum(comm, s_, settings).modes;
+}
+
+// These, beside the modes followed so far.
+void Following::search(MPI_Comm comm, bool thorough) {
   std::vector<FollowedMode> all;
   for (FollowedMode& f : modes_)
     if (f.mode.psi.size() == s_.size() && polish(s_, f.mode)) add(std::move(f.mode), all);
-  for (Mode& m : compute_spectrum(comm, s_, settings).modes) add(std::move(m), all);
+  for (Mode& m : sought(comm, thorough)) add(std::move(m), all);
   keep_rightmost(std::move(all));
 }
 
@@ -280,7 +286,13 @@ bool Following::add_missing(MPI_Comm comm, long first_count, std::vector<Complex
   if (listed() && add_near(where, line, all)) return true;
   double low = line, high = std::numeric_limits<double>::infinity();
   bool close = !where.empty();  // to some of them
+  const int fruitless = int(std::clamp(6000. / double(s_.size()), 3., 24.));  // counts that cost what a search does
   for (int k = 0; k < 24 && high - low > (close ? 1e-9 : 1e-4) * s_.rate; ++k) {
+    if (k == fruitless) {
+      bool found = false;
+      for (Mode& m : sought(comm, false)) found = (m.value.real() > line && add(std::move(m), all)) || found;
+      if (found) return true;
+    }
     const double a = std::isfinite(high) ? (low + high) / 2 : low + std::ldexp(1e-4 * s_.rate, 2 * k);
     count = count_firmly(comm, a, where);
     if (!count) break;

@@ -147,12 +147,14 @@ class GrowthRate : public OnAxes {
     // A beta + A q, with what viscosity does to the shortest wave first; and r. Empty: no steady sliding.
     std::vector<double> drag, r;
     KnownModes known = {};
+    double x = 0, y = 0;  // its middle
   };
   using CellKey = std::array<std::int64_t, 3>;  // halvings of its side, and its place on the axes
   std::optional<LinearisedOperator> linearised(double x, double y) const;
   static bool differ(const std::optional<LinearisedOperator>& a, const std::optional<LinearisedOperator>& b);
   std::optional<CellKey> cell_about(const LinearisedOperator& J, double x, double y);
   Cell& cell(const CellKey& key, std::size_t nodes);
+  KnownModes nearest(double x, double y) const;  // that a cell knows: guesses
   double side();
   static Cell coefficients_of(const LinearisedOperator& J);
   static bool near(const Cell& a, const Cell& b);
@@ -161,7 +163,6 @@ class GrowthRate : public OnAxes {
   MPI_Comm comm_;
   LeadSettings settings_;
   std::map<CellKey, Cell> cells_;  // counted, while they take little memory
-  std::optional<CellKey> latest_;
   KnownModes recent_;  // where it was counted last: guesses
   double side_ = 0;
 };
