@@ -5,8 +5,8 @@ from figures_portrait import CURVES, Portrait
 from stickslip import scene_title, shown_words, text
 from style import BLACK, BLUE, GREEN, RED, REFERENCE, SLATE, STICKS, draw_branch, name_axes, stability_words
 
-MARKS = {"fold": "s", "flip": "D", "torus": "o", "hopf": "*", "branch": "P", "infinite-period": "X", "long-wave": "v",
-         "wave": "^"}
+MARKS = {"fold": "s", "flip": "D", "torus": "o", "hopf": "*", "branch": "P", "halves": "D", "infinite-period": "X",
+         "long-wave": "v", "wave": "^"}
 SPELT = {"hopf": "Hopf", "long-wave": "long waves", "wave": "waves"}
 
 

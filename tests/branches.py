@@ -20,9 +20,10 @@ def with_corner(random, p, law):
         return p | {"friction_table": ",".join(f"{a:.4f}:{b:.4f}" for a, b in zip(np.concatenate([-psi[:0:-1], psi]),
                                                                                  np.concatenate([-force[:0:-1], force]))),
                     "friction_table_beyond": "constant"}
-    p |= {"friction_fc": random.uniform(0.4, 0.8), "friction_sigma0": random.uniform(5, 30), "friction_sigma1": random.uniform(0.05, 0.5)}
+    p |= {"friction_fc": random.uniform(0.4, 0.8), "friction_sigma0": random.uniform(5, 30)}
+    sigma1 = random.uniform(0.05, 0.5)
     if law == "lugre":
-        p |= {"friction_fs": random.uniform(0.9, 1.2), "friction_vs": random.uniform(0.05, 0.3)}
+        p |= {"friction_sigma1": sigma1, "friction_fs": random.uniform(0.9, 1.2), "friction_vs": random.uniform(0.05, 0.3)}
     return p
 
 
@@ -78,7 +79,7 @@ def compare(drawn, what):
             rates = [abs(point["growth_rate"] or np.inf) * point["period"] for point in (one, other)]
             if one["stable"] != other["stable"] and min(rates) > 1e-7:
                 check(any(s["after"] == k for s in special), f"{what}: in {steps} steps stability changes behind point {k} unlisted: {special}")
-        walks.append((value, [s for s in special if s["kind"] in ("fold", "flip", "torus", "branch")]))
+        walks.append((value, [s for s in special if s["kind"] in ("fold", "flip", "torus", "branch", "halves")]))
     alike = 0
     for (_, special), (value, others) in (walks, walks[::-1]):
         low, high = value.min() + 1e-6 * size, value.max() - 1e-6 * size

@@ -6,6 +6,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/continuation.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -80,10 +81,10 @@ void CellField::numbers(const double* y, std::size_t k, double* into) const {
   std::copy_n(y + k * w + (massless_ ? 0 : 1), dof_ - 1, into + 1);
 }
 
-std::vector<int> CellField::velocities() const {
-  std::vector<int> all;
-  for (int a = 0; a < dim() && !massless_; a += dof_) all.push_back(a);
-  return all;
+Joints CellField::joints() const {
+  Joints joints{{}, joints_of(scene_.friction)};
+  for (int a = 0; a < dim() && !massless_; a += dof_) joints.velocities.push_back(a);
+  return joints;
 }
 
 // The row of D2 of one node.

@@ -20,6 +20,7 @@
 #include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
 #include "model/right_hand_side.hpp"
+#include "numerics/kinks.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -57,8 +58,8 @@ class CellField : public VectorField {
   // psi of the k-th node; and all its numbers.
   double psi(const double* y, std::size_t k) const;
   void numbers(const double* y, std::size_t k, double* into) const;
-  // Which of its unknowns are a psi: none without mass.
-  std::vector<int> velocities() const;
+  // Of its unknowns that are a psi: none without mass.
+  Joints joints() const;
   int periods() const { return periods_; }
   std::size_t nodes() const { return node_.size(); }  // solved for
   // of the scene, in the order of the unknowns

@@ -50,6 +50,7 @@ std::shared_ptr<Look> CycleFamily::look() {
   seen->value = place().back() * range_;
   seen->period = c.period;
   seen->amplitude = c.amplitude;
+  seen->halves = halves();
   for (const auto& [name, value] : c.tests) {
     if (name != "hopf")
       seen->tests[name] = value;

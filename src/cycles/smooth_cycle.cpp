@@ -81,7 +81,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   };
   if (solve(s))
     if (auto found = solve_to_accuracy<PeriodicEquations>(
-            solve, std::move(s), {tolerance, d > 3 ? 8. : 12., field->velocities(), {}, change, "the cycle"}))
+            solve, std::move(s), {tolerance, d > 3 ? 8. : 12., field->joints(), {}, change, "the cycle"}))
       return finished(field, found->solution.equations, found->solution.x, phase, found->estimate);
   throw Failure("Newton's method does not converge to a cycle of period near " + rounded_text(guess.period));
 }
@@ -232,6 +232,7 @@ class SmoothFamily : public CycleFamily {
 
  protected:
   std::string ends() const override { return comes_to_rest_ ? "graze" : ""; }
+  std::vector<double> halves() const override;
 
  private:
   struct Stand {
@@ -327,7 +328,7 @@ void SmoothFamily::solve(double length, const Place& row, double right) {
     return at.equations.newton(at.x, conditions, most_steps).converged;
   };
   const double change = solve_on_suiting_mesh(solve, d_ <= 12 ? few_unknowns : many_unknowns, s);
-  (void)settle_on_kinks(solve, last_field_->velocities(), s);
+  (void)settle_on_kinks(solve, last_field_->joints(), s);
   const double unit = s.equations.field().unit(0);
   const double moved = periods_ > 0 ? change / unit : std::expm1(change);
   const double period_error = std::isnan(change) ? here_.period_error : std::abs(moved) + 4e-15;
@@ -363,6 +364,19 @@ Place SmoothFamily::tangent(const Place& row) {
   const double length = std::sqrt(dot(t, t));
   for (double& value : there_.t) value /= length;
   return direction();
+}
+
+std::vector<double> SmoothFamily::halves() const {
+  constexpr int places = 32;
+  std::vector<double> off, first(d_), second(d_);
+  for (int k = 0; k < places; ++k) {
+    const double phase = double(k) / (2 * places);
+    evaluate(Collocation::gauss5(), there_.mesh, there_.x.data(), int(d_), phase, first.data());
+    evaluate(Collocation::gauss5(), there_.mesh, there_.x.data(), int(d_), phase + .5, second.data());
+    for (size_t a = 0; a < d_; ++a)
+      off.push_back((second[a] - first[a]) / scale_[a] / std::sqrt(double(places) * double(d_)));
+  }
+  return off;
 }
 
 void SmoothFamily::accept() {

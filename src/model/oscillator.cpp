@@ -24,6 +24,18 @@ const Scene& with_one_medium(const Scene& s) {
 
 }  // namespace
 
+std::vector<double> joints_of(const FrictionParameters& friction) {
+  std::vector<double> all;
+  const Points& curve = friction.curve;
+  const bool odd = !curve.empty() && curve.front().first >= 0;
+  for (const auto& [velocity, force] : curve) {
+    if (velocity == 0) continue;
+    all.push_back(velocity);
+    if (odd) all.push_back(-velocity);
+  }
+  return all;
+}
+
 Oscillator::Oscillator(const Scene& scene)
     : node_(with_one_medium(scene)), B_(scene.B()), c2_(scene.A() * scene.K1()), v_(scene.v) {
   const FrictionParameters& p = scene.friction;
@@ -31,6 +43,7 @@ Oscillator::Oscillator(const Scene& scene)
     throw UsageError("friction_law " + to_string(p.law) +
                      " jumps at rest, which an oscillation passes: set friction_stick to regularised");
   friction_ = Friction::of(p);
+  joints_ = joints_of(p);
   escape_ = escape_velocity(scene);
   scales_ = scales_of(scene).slip;
   if (scene.has_profile())

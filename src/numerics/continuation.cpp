@@ -67,6 +67,14 @@ constexpr double directed = 1e-9;
 // some 1e-7 only, by which two multipliers that pass 1 together come apart by up to 1e-6.
 constexpr double beyond = 1e-5;
 
+// Halves of a period so near to each other may change places within a step, and a step that leaves so little of
+// what they differ by has gone over to the solutions of half the period.
+constexpr double few_alike = .2, least_left = .1;
+double halves_apart(const Look& look) {
+  return look.halves.empty() ? std::numeric_limits<double>::infinity()
+                             : std::sqrt(dot(look.halves, look.halves));
+}
+
 class Walk {
  public:
   Walk(Family& family, const Way& way, Follow until, const std::function<void(Look&)>& watch)
@@ -99,6 +107,7 @@ class Walk {
   std::string end_where_it_repels();
   std::string end_at_hopf();
   std::optional<double> infinite_period() const;
+  End halves_alike();
   const Look& first() const { return *branch_.points.front(); }
 
   Family& family_;
@@ -194,6 +203,9 @@ Walk::End Walk::step() {
   passed_.clear();
   seen_ = look();
   if ((seen_->amplitude < 0) != (last_->amplitude < 0)) return end_at_hopf();
+  if (halves_apart(*last_) < few_alike &&
+      !(dot(seen_->halves, last_->halves) > least_left * dot(last_->halves, last_->halves)))
+    throw Failure("the halves of the period change places, or are alike from here on");
   Place tangent = family_.tangent(t_);
   // turning by more than a quarter of a right angle: the step was too long to trust
   const double cosine = dot(t_, tangent);
@@ -210,6 +222,7 @@ Walk::End Walk::step() {
   for (auto& [distance, point] : passed_) branch_.special.push_back(std::move(point));
   last_ = seen_;
   branch_.points.push_back(last_);
+  if (End end = halves_alike()) return end;
   if (const std::optional<double> limit = infinite_period()) {
     branch_.special.push_back({"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0,
                                branch_.points.size() - 1});
@@ -445,6 +458,29 @@ std::string Walk::end_at_hopf() {
                   " runs the other way round, and not because its amplitude has vanished");
   branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
   return "the amplitude vanishes at " + way_.name + " = " + rounded_text(hopf, 10) + words_.vanished;
+}
+
+// The parameter and the period are even in the difference of the halves: extrapolated to zero from the last
+// three solutions, before the equations become singular.
+Walk::End Walk::halves_alike() {
+  constexpr double alike = 1e-2, known = 1e-9;
+  const size_t n = branch_.points.size();
+  if (n < 3 || !(halves_apart(*last_) < alike)) return std::nullopt;
+  double square[3];
+  for (size_t k = 0; k < 3; ++k)
+    square[k] = dot(branch_.points[n - 1 - k]->halves, branch_.points[n - 1 - k]->halves);
+  if (!(square[0] < square[1] && square[1] < square[2])) return std::nullopt;
+  double weights[3], value = 0, period = 0;
+  Lagrange({square[0], square[1], square[2]}).weights(0, weights);
+  for (size_t k = 0; k < 3; ++k) {
+    value += weights[k] * branch_.points[n - 1 - k]->value;
+    period += weights[k] * branch_.points[n - 1 - k]->period;
+  }
+  const double slope = (branch_.points[n - 2]->value - last_->value) / (square[1] - square[0]);
+  if (!(std::abs(last_->value - square[0] * slope - value) < known * range_)) return std::nullopt;
+  branch_.special.push_back({"halves", value, period, 0, n - 1});
+  return "the two halves of the period become alike at " + way_.name + " = " + rounded_text(value, 10) +
+         ": the flip of a " + words_.solution + " of half the period";
 }
 
 // The limit of the parameter where the period grows without bound: far beyond that of a canard, in which

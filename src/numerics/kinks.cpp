@@ -34,9 +34,10 @@ double Kinks::farthest_off(const std::vector<double>& mesh) const {
   return off;
 }
 
-Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const std::vector<int>& velocities,
+Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const Joints& joints,
                const std::function<void(const double*, double*)>& jacobian) {
   Kinks kinks;
+  std::vector<double> passed;  // phases of levels
   const std::vector<double>& at = Collocation::gauss5().basis.points();
   std::vector<double> y(d);
   const auto jacobian_beside = [&](int velocity, double value) {
@@ -46,14 +47,14 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
     return J;
   };
   const size_t n = mesh.size() - 1, points = mesh_stages + 1;
-  for (const int velocity : velocities) {
+  const auto look_for = [&](int velocity, double level) {
     const auto value = [&](double phase) {
       evaluate(Collocation::gauss5(), mesh, x, d, phase, y.data());
-      return y[velocity];
+      return y[velocity] - level;
     };
     for (size_t k = 0; k < n * points; ++k) {
       const size_t next = k + 1 < n * points ? k + 1 : 0;
-      const double low = x[k * d + velocity], high = x[next * d + velocity];
+      const double low = x[k * d + velocity] - level, high = x[next * d + velocity] - level;
       if (!(low * high < 0) && high != 0) continue;
       const auto phase_of = [&](size_t j) {
         return mesh[j / points] + (mesh[j / points + 1] - mesh[j / points]) * at[j % points];
@@ -61,6 +62,10 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
       const double begin = phase_of(k), end = next == 0 ? 1 : phase_of(next);
       const double zero = high == 0 ? end : find_root(value, {begin, low, end, high}, same_place);
       if (std::isnan(zero)) continue;
+      if (level != 0) {
+        passed.push_back(zero);
+        continue;
+      }
       (void)value(zero);
       const std::vector<double> above = jacobian_beside(velocity, 1e-30),
                                 below = jacobian_beside(velocity, -1e-30);
@@ -68,7 +73,12 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
       kinks.phases.push_back(zero);
       kinks.singular = kinks.singular || differ(above, jacobian_beside(velocity, 1e-40));
     }
+  };
+  for (const int velocity : joints.velocities) {
+    look_for(velocity, 0);
+    for (const double level : joints.levels) look_for(velocity, level);
   }
+  if (passed.size() <= n) kinks.phases.insert(kinks.phases.end(), passed.begin(), passed.end());
   std::sort(kinks.phases.begin(), kinks.phases.end());
   return kinks;
 }

@@ -49,12 +49,12 @@ std::optional<MeshSolution<Equations>> solved_on(const Newton& newton, std::vect
 // the error by 2^10 once the mesh is fine, by less before, and by 4 beside a singularity; where no node could
 // be placed at a kink the change says little.
 template <class Equations, class Newton>
-double settle_on_kinks(const Newton& newton, const std::vector<int>& velocities, MeshSolution<Equations>& s) {
+double settle_on_kinks(const Newton& newton, const Joints& joints, MeshSolution<Equations>& s) {
   // In phase. Of a number sought what is left of a kink costs the square, which at `on_node` is round-off; of
   // multipliers it costs the first power, so that nodes move on while they come nearer.
   constexpr double on_node = 1e-10, as_near_as_zeros = 1e-13;
   const auto kinks_here = [&] {
-    return kinks_of(s.mesh(), s.x.data(), s.equations.dim(), velocities,
+    return kinks_of(s.mesh(), s.x.data(), s.equations.dim(), joints,
                     [&](const double* y, double* J) { s.equations.jacobian(s.x, y, J); });
   };
   Kinks kinks = kinks_here();
@@ -74,7 +74,7 @@ double settle_on_kinks(const Newton& newton, const std::vector<int>& velocities,
 template <class Equations>
 struct MeshAccuracy {
   double tolerance, least;      // relative; intervals to begin with
-  std::vector<int> velocities;  // components whose zeros may be kinks
+  Joints joints;
   std::vector<double> units;    // of the components; empty: their ranges, or 1e-3 of their units
   // Relative change of the number sought from one solution to a finer one.
   std::function<double(const MeshSolution<Equations>& coarse, const MeshSolution<Equations>& fine)> change;
@@ -120,7 +120,7 @@ std::optional<AccurateSolution<Equations>> solve_to_accuracy(const Newton& newto
     auto better = solved_on(newton, equidistribute(s.mesh(), rough, intervals), s);
     if (!better) continue;  // too coarse
     s = std::move(*better);
-    const double gain = settle_on_kinks(newton, asked.velocities, s);
+    const double gain = settle_on_kinks(newton, asked.joints, s);
     auto finer = solved_on(newton, halved(s.mesh()), s);
     if (!finer) continue;
     const double estimate = asked.change(s, *finer) / gain;

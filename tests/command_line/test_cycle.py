@@ -233,6 +233,32 @@ def test_turns_of_a_branch_whose_cycles_pass_corners():
     assert all(stable[:fold["after"] + 1]) and not any(stable[fold["after"] + 1:])
 
 
+def test_special_points_where_friction_passes_from_piece_to_piece():
+    """Nodes of the mesh stand where psi passes a velocity of a table: without them a flip hung on the lengths of the steps,
+    by 1.7e-7 of the range between these two walks."""
+    table = "0:0,0.2962:1.0282,0.5471:0.7545,1.0639:0.5602,1.5485:0.6758"
+    walks = [run(f"-model_form chain -grid_n 2 -model_m 2 -model_k0 0.3666 -model_f0 0.6083 -model_k1 0.1905 -model_zeta 0.0907 "
+                 f"-model_v 0.3433 -bc_left free -friction_law table -friction_table {table} -friction_table_beyond constant "
+                 "-load_sine_amplitude 0.0742 -load_sine_period 8.67 -cycle_cell 0 -init_psi 0.5155 -init_noise 0.1 -init_seed 251 "
+                 f"-cycle_continue model_k0 -cycle_to 1.407 -cycle_steps {steps}", command="cycle")[0]["special"] for steps in (40, 27)]
+    for kind in ("fold", "flip"):
+        one, other = ([s["value"] for s in walk if s["kind"] == kind][0] for walk in walks)
+        assert abs(one - other) < 1e-8 * (1.407 - 0.3666), (kind, one, other)
+
+
+def test_a_branch_of_doubled_period_ends_where_it_was_born():
+    """At the flip of the cycle of half the period, on whose branch the equations of the doubled one are singular."""
+    scene = ("-model_form chain -grid_n 1 -model_v 0.2288 -model_m 1.5754 -model_k0 0.4172 -model_zeta 0.1016 -friction_law lugre "
+             "-friction_fc 0.5314 -friction_fs 1.0227 -friction_vs 0.2587 -friction_sigma0 8.2086 -friction_sigma1 0.221 "
+             "-cycle_cell 0 -init_psi 0.59 -cycle_continue model_f0 ")
+    doubled, _ = run(scene + "-model_f0 0.6447 -cycle_to 0.165 -cycle_steps 40", command="cycle")
+    single, _ = run(scene + "-model_f0 0.615 -cycle_to 0.63", command="cycle")
+    [halves], [flip] = ([s for s in found["special"] if s["kind"] == kind] for found, kind in ((doubled, "halves"), (single, "flip")))
+    assert abs(halves["value"] - flip["value"]) < 1e-8 * 0.48, (halves, flip)
+    assert abs(halves["period"] / flip["period"] - 2) < 1e-7
+    assert "two halves" in doubled["branch"]["end"], doubled["branch"]["end"]
+
+
 def test_a_small_forced_motion_is_no_long_branch():
     """Steps are measured in the size of a slip, not in that of the first motion: under a load a hundred times as large."""
     found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_v 1.2 -load_sine_amplitude 1e-3 -load_sine_period 5 "

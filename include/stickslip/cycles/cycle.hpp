@@ -99,6 +99,7 @@ class CycleFamily : public Family {
   // Where solve() has thrown last since the cycle is of another kind there: the kind of special point
   // between.
   virtual std::string ends() const { return ""; }
+  virtual std::vector<double> halves() const { return {}; }  // of Look
   double range_;  // of the parameter
 };
 

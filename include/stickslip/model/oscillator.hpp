@@ -33,6 +33,10 @@ constexpr int train_max_dim = 3;           // f, z and the state
 // Writes y = (f, z[, s]) at a phase; room for train_max_dim values.
 using Profile = std::function<void(double phase, double* y)>;
 
+// The velocities but 0, of both directions, at which one piece of friction goes over into the next: a
+// derivative of it that methods of high order rely on jumps there (FrictionParameters::piecewise).
+std::vector<double> joints_of(const FrictionParameters& friction);
+
 // The right-hand side above for the amplitude-1 friction of a scene. Throws UsageError where the law has a
 // jump at rest (exact carlson-langer, coulomb), which an oscillation passes and which this smooth problem
 // cannot have.
@@ -58,6 +62,7 @@ class Oscillator {
   // to take.
   bool steep() const { return friction_->steep; }
   double newton_step(double r2, const double* y, const double* step, double dt) const;
+  const std::vector<double>& joints() const { return joints_; }  // of its friction
   // The steady sliding f = v.
   void steady(double* y) const;
   // The |v| from which on uniform sliding is stable, for the cubic law without a state, whatever r2; else
@@ -76,6 +81,7 @@ class Oscillator {
 
   std::shared_ptr<const Friction> friction_;
   LinearPoint node_;  // of that node, at r2 = 1 and without friction
+  std::vector<double> joints_;
   double B_, c2_, v_, escape_;
   Scales scales_;
 };

@@ -29,6 +29,10 @@ struct Look {
   double value = 0;      // of the parameter
   double period = 0;
   double amplitude = 0;  // negative once it has passed through zero, where the branch repeats itself
+  // By how much the second half of a period differs from the first, all along it, over the range; empty where
+  // it is not asked. Where it passes through zero the branch repeats itself, too: it has come to the solution
+  // of half the period whose flip it was born in.
+  std::vector<double> halves;
   bool stable = false;
   double wavenumber = 0;  // of the deviation that grows most
   // What becomes of deviations in a period, those that are no shift in time; empty where it is not asked.
@@ -79,6 +83,8 @@ class Family {
 //                    does not turn: other solutions branch off
 //   corner           a multiplier jumps across the unit circle: a motion touches a corner of its equations
 //   hopf             the amplitude vanishes: the branch ends
+//   halves           the two halves of the period become alike, at the flip of a solution of half the period:
+//                    the branch ends
 //   infinite-period  the period grows without bound: the branch ends; the parameter's limit
 // the names of Look::tests, and the kinds of Family::ending.
 struct SpecialPoint {
@@ -108,8 +114,8 @@ struct Followed {
   std::string end;  // why it ends, in words
 };
 
-// Follows the branch from where the family stands. Ends at `to`, where the amplitude vanishes, at an infinite
-// period, where the parameter comes back past its start, where no solution is found further on, after all
+// Follows the branch from where the family stands. Ends at `to`, where the amplitude vanishes or two halves
+// become alike, at an infinite period, where the parameter comes back past its start, where no solution is found further on, after all
 // steps, or at a signal. Every turn of the parameter and every change of the number of multipliers outside of
 // the unit circle between two points is a special point; where one cannot be located no step, however short,
 // goes past it. `watch`, if given, adds to what is seen of each solution, and may throw Error: half the step
