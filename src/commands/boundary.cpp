@@ -119,18 +119,47 @@ std::string at_ends(GrowthRate& growth) {
   return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
          number_text(growth(1)) + " at " + number_text(axis.to);
 }
+// Where beside the range, on either side, the sign of the growth rate is another one than in it.
+std::string change_beyond(GrowthRate& growth, double rate) {
+  const Axis& axis = growth.axes()[0];
+  const auto changed = [&](double x) {
+    try {
+      return growth(x) * rate < 0;
+    } catch (const Error&) {  // no value that the option takes
+      return false;
+    }
+  };
+  std::string text;
+  for (const bool below : {true, false}) {
+    double last = below ? 0 : 1;
+    for (const double away : {.125, .25, .5, 1., 2., 4.}) {
+      double x = below ? -away : 1 + away;
+      if (axis.value(x) * (below ? axis.from : axis.to) < 0) {  // on to 0, not through it
+        if (axis.value(last) == 0) break;
+        x = axis.from / (axis.from - axis.to);
+      }
+      if (changed(x)) {
+        const auto [low, high] = std::minmax({axis.value(x), axis.value(last)});
+        text += fmt::format("{} {} {}, between {} and {}", text.empty() ? "; it changes" : ", and",
+                            (axis.from < axis.to) == below ? "below" : "above",
+                            number_text(below ? axis.from : axis.to), number_text(low), number_text(high));
+        break;
+      }
+      last = x;
+    }
+  }
+  return text.empty() ? "; nor does it change within four times that range on either side" : text;
+}
+
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
   const Axis& axis = growth.axes()[0];
   if (growth.axes().size() == 1) {
     const double first = growth(0), last = growth(1);
     const bool changes = first * last < 0;
     std::string why = ": " + at_ends(growth);
-    if (first * last > 0 && first != last) {
-      const bool below = std::abs(first) < std::abs(last);
+    if (first * last > 0 && first != last)
       why = std::string(": sliding is ") + stability_word(first) + " throughout" + why +
-            "; it changes, if anywhere, " + ((axis.from < axis.to) == below ? "below " : "above ") +
-            number_text(below ? axis.from : axis.to);
-    }
+            change_beyond(growth, first);
     throw Failure("no boundary " + std::string(changes ? "that the grid resolves (grid_n) " : "") +
                   "between " + axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) +
                   why);
@@ -193,6 +222,7 @@ void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBou
 // name and the scene has none of the kind that is solved for.
 struct Asked {
   bool sliding, stick_slip, medium = false;  // medium: waves on the uniform oscillation, and trains
+  std::string refusal = {};                  // why stick-slip is left out, and what would tell
 };
 Asked asked_for(const Options& options, const Scene& scene) {
   const std::string of = options.text("boundary_of");
@@ -211,7 +241,9 @@ Asked asked_for(const Options& options, const Scene& scene) {
   const std::string refusal = StickSlipEnd::refusal(scene);
   if (!refusal.empty() && options.is_set("boundary_of"))
     throw UsageError("-boundary_of " + of + ": needs uniform motion: " + refusal);
-  return {of == "both", refusal.empty()};
+  if (refusal.empty()) return {of == "both", true};
+  return {true, false, false,
+          "stick-slip is left out, as " + refusal + "; -cycle_cell asks about that of a cell"};
 }
 
 // Under a load that repeats: the end of its slide alone.
@@ -283,6 +315,11 @@ std::string count_text(const FoundBoundary& found) {
   return text;
 }
 
+bool lives_everywhere(const FoundBoundary& found) {
+  return found.axes.size() == 1 && !found.distances.empty() &&
+         std::all_of(found.distances.begin(), found.distances.end(), [](double f) { return f < 0; });
+}
+
 void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
   const Options& options = run.options;
   Summary& summary = run.summary;
@@ -305,7 +342,7 @@ void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
     try {
       if (asked.sliding) find_sliding(options, growth, found);
     } catch (const Failure& failure) {
-      if (!asked.stick_slip) throw;
+      if (!asked.stick_slip && asked.refusal.empty()) throw;
       no_sliding = failure.what();
     }
     check_unused_after_setup(options);
@@ -327,6 +364,11 @@ void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
   if (points.empty()) {
     const std::string what =
         !end.unfinished().empty() ? end.unfinished()
+        : !asked.refusal.empty() ? asked.refusal
+        : !found.cell && lives_everywhere(found)
+            ? fmt::format("uniform motion can stick and slip at every {} from {} to {}: stick-slip does not "
+                          "end in this range",
+                          axes[0].name, number_text(axes[0].from), number_text(axes[0].to))
         : !found.cell && end.lives_nowhere()
             ? "uniform motion sticks and slips nowhere between the bounds of the axes: in their middle it " +
                   end.fate(0.5, 0.5)
@@ -336,6 +378,7 @@ void find_boundary(CommandRun& run, GrowthRate& growth, const Asked& asked) {
     throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + what);
   }
   if (!no_sliding.empty()) summary.say(no_sliding);
+  if (!asked.refusal.empty()) summary.say(asked.refusal);
   keeping_what_is_found([&] { verify(growth, end, options, found); },
                         [&] { describe(summary, growth, found); });
   found.checked = options.integer("boundary_verify") > 0;

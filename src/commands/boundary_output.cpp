@@ -266,12 +266,9 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
     else
       describe_sliding(summary, growth, found.sliding);
   }
-  if (!found.stick_slip.empty()) {
-    if (two)
-      describe_curve(summary, growth, found.stick_slip, "stick-slip");
-    else if (!found.cell)
-      describe_stick_slip(summary, growth.axes()[0], found);
-  }
+  if (two && !found.stick_slip.empty()) describe_curve(summary, growth, found.stick_slip, "stick-slip");
+  if (!two && !found.cell && !found.distances.empty())
+    describe_stick_slip(summary, growth.axes()[0], found);
   if (!found.waves.empty()) describe_curve(summary, growth, found.waves, "waves on uniform stick-slip");
   if (!found.trains.empty()) describe_curve(summary, growth, found.trains, "limits of stable trains");
   describe_checks(summary, growth.axes(), found.verified);

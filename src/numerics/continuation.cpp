@@ -67,8 +67,8 @@ constexpr double directed = 1e-9;
 // some 1e-7 only, by which two multipliers that pass 1 together come apart by up to 1e-6.
 constexpr double beyond = 1e-5;
 
-// Halves of a period so near to each other may change places within a step, and a step that leaves so little of
-// what they differ by has gone over to the solutions of half the period.
+// Halves of a period so near to each other may change places within a step, and a step that leaves so little
+// of what they differ by has gone over to the solutions of half the period.
 constexpr double few_alike = .2, least_left = .1;
 double halves_apart(const Look& look) {
   return look.halves.empty() ? std::numeric_limits<double>::infinity()

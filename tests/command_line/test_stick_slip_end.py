@@ -113,7 +113,10 @@ def test_refused(words, said):
 def test_no_end_in_the_range():
     _, error = run(BLOCK + "-boundary_of stick-slip -boundary_parameter model_v -boundary_from 0.1 -boundary_to 1", code=1,
                    command="boundary")
-    check("does not end" in error, error)
+    check("can stick and slip at every model_v from 0.1 to 1: stick-slip does not end in this range" in error, error)
+    _, error = run(BLOCK + "-friction_spread 0.1 -grid_n 3 -boundary_parameter model_v -boundary_from 0.1 -boundary_to 0.2", code=1,
+                   command="boundary")
+    check("stick-slip is left out, as friction_spread" in error and "-cycle_cell" in error, error)
     _, error = run(IN_V + "-boundary_of stick-slip", code=1, command="boundary")  # the cubic's ends at its Hopf point
     check("does not end" in error and "Hopf" in error, error)
 

@@ -115,12 +115,12 @@ struct Followed {
 };
 
 // Follows the branch from where the family stands. Ends at `to`, where the amplitude vanishes or two halves
-// become alike, at an infinite period, where the parameter comes back past its start, where no solution is found further on, after all
-// steps, or at a signal. Every turn of the parameter and every change of the number of multipliers outside of
-// the unit circle between two points is a special point; where one cannot be located no step, however short,
-// goes past it. `watch`, if given, adds to what is seen of each solution, and may throw Error: half the step
-// is tried then. Throws Failure where the solution does not change with the parameter, or its branch turns
-// back at once.
+// become alike, at an infinite period, where the parameter comes back past its start, where no solution is
+// found further on, after all steps, or at a signal. Every turn of the parameter and every change of the
+// number of multipliers outside of the unit circle between two points is a special point; where one cannot be
+// located no step, however short, goes past it. `watch`, if given, adds to what is seen of each solution, and
+// may throw Error: half the step is tried then. Throws Failure where the solution does not change with the
+// parameter, or its branch turns back at once.
 Followed follow(Family& family, const Way& way, Follow until = Follow::whole,
                 const std::function<void(Look&)>& watch = nullptr);
 
