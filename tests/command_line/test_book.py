@@ -58,6 +58,22 @@ def test_links_have_names():
     assert len(re.findall(r"^ +- [A-Z][\w ]+: [\w/-]+\.md$", text("docs/site.yml.in"), re.MULTILINE)) == len(pages())
 
 
+def test_code_has_its_language():
+    """Blocks are fenced, begin where their lines do, and what one types has a language, by which it is run (claims.py). Formulas
+    are whole on a line, with no letter or digit beside them, as GitHub wants them."""
+    wrong = []
+    for page in ["README.md", "CONTRIBUTING.md", *map("docs/{}".format, pages())]:
+        shown = re.sub(r"<!--.*?-->", "", text(page), flags=re.DOTALL)
+        wrong += [f"{page}: {line}" for line in re.findall(r"^ *```\n((?:build/)?stickslip \w.*|postprocess/.*)", shown, re.MULTILINE)]
+        prose = re.sub(r"^ *```.*?```$|^\$\$$.*?^\$\$$", "", shown, flags=re.DOTALL | re.MULTILINE)
+        wrong += [f"{page}: indented: {line}" for line in re.findall(r"\n\n( {4,}\S.*)", prose)]
+        for line in re.sub(r"`[^`]*`", "``", prose).splitlines():
+            beside = "".join(line[m.start() - 1:m.start()] + line[m.end():m.end() + 1] for m in re.finditer(r"\$[^$]+\$", line))
+            if line.count("$") % 2 or re.search(r"\w", beside):
+                wrong.append(f"{page}: formula: {line}")
+    assert not wrong
+
+
 def rendered(folder):
     """The pages as HTML in a folder, by mkdocs' own converter and extensions, beside their pictures."""
     for name in pages():
