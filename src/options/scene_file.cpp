@@ -66,6 +66,23 @@ std::vector<std::string> lines_of(std::string text) {
   return split(text, '\n');
 }
 
+// PETSc's own form of a file, `-name value` a line: is its first option such a one?
+bool is_plain_form(const std::string& text) {
+  for (const std::string& line : lines_of(text)) {
+    const std::size_t at = line.find_first_not_of(" \t");
+    if (at == std::string::npos || line[at] == '#') continue;
+    return line[at] == '-' && at + 1 < line.size() && is_letter(line[at + 1]) &&
+           line.find(':') == std::string::npos;
+  }
+  return false;
+}
+
+[[noreturn]] void refuse_plain_form(const std::string& name) {
+  throw UsageError("scene " + name +
+                   ": a scene is YAML: write `name: value` where `-name value` stands, in a file .yaml; or "
+                   "give the words of this file in PETSC_OPTIONS");
+}
+
 // Where each option was given first; throws where one comes again.
 class FirstLines {
  public:
@@ -261,10 +278,7 @@ std::vector<Given> parse_yaml(const std::string& text, const std::string& name) 
 
 std::vector<Given> read_scene(const std::string& path) {
   const std::string name = quoted(path);
-  if (ends_with(path, ".opts"))
-    throw UsageError("scene " + name +
-                     ": a scene is YAML: write `name: value` where `-name value` stands, in a file .yaml; or "
-                     "give the words of this file in PETSC_OPTIONS");
+  if (ends_with(path, ".opts")) refuse_plain_form(name);
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) throw UsageError("scene " + name + ": " + std::strerror(errno));
   if (S_ISDIR(status.st_mode)) throw UsageError("scene " + name + ": is a directory");
@@ -275,6 +289,7 @@ std::vector<Given> read_scene(const std::string& path) {
   if (!file) throw UsageError("scene " + name + ": " + std::strerror(errno));
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (file.bad()) throw UsageError("scene " + name + ": cannot be read");
+  if (is_plain_form(text)) refuse_plain_form(name);
   return parse_yaml(text, name);
 }
 

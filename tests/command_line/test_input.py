@@ -19,6 +19,7 @@ SHORT = ["-grid_n", "32", "-ts_max_time", "0.1", "-progress", "off"]  # what mak
 SCENES = {
     "good.yaml": b"model: {gamma: 2}\ngrid_n: 32\nts_max_time: 0.1\n",
     "good.opts": b"# plain form\n-model_gamma 2\n-grid_n 32\n-ts_max_time 0.1\n",
+    "petscrc": b"# of PETSc\n\n-model_gamma 2\n",
     "empty.yaml": b"",
     "comments.yaml": b"# nothing\n\n",
     "nul.yaml": b"\0\0\0\0",
@@ -342,6 +343,7 @@ CASES += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, exp
 CASES += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
 CASES += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
 CASES += [(["run"] + SHORT, 2, "PETSC_OPTIONS_YAML: is not read; give -options_file", {"PETSC_OPTIONS_YAML": "model: {gamma: 7}"}, 1)]
+CASES += [(["run", "-options_file", "petscrc"] + SHORT, 2, "give the words of this file in PETSC_OPTIONS", None, 1)]
 CASES += [(arguments, 2, expected, None, 1) for arguments, expected in COMMANDS]
 CASES += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
 
