@@ -130,8 +130,9 @@ std::optional<Train> train_to_accuracy(TrainSolution start, double tolerance, co
   };
   // of the profile psi alone, against a quarter of its scale
   const std::vector<double> units{field.unit(0) / 4, HUGE_VAL, HUGE_VAL, HUGE_VAL};
-  auto found = solve_to_accuracy<PeriodicEquations>(solve_train_on_mesh, std::move(start),
-                                                    {tolerance, 12, {{0}, field.oscillator()->joints()}, units, change, what});
+  auto found = solve_to_accuracy<PeriodicEquations>(
+      solve_train_on_mesh, std::move(start),
+      {tolerance, 12, {{0}, field.oscillator()->joints()}, units, change, what});
   if (!found) return std::nullopt;
   // round-off: what one more step of Newton's method would move q by, and a few units of the last place
   TrainSolution& solution = found->solution;
