@@ -119,36 +119,38 @@ std::string at_ends(GrowthRate& growth) {
   return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
          number_text(growth(1)) + " at " + number_text(axis.to);
 }
-// Where beside the range, on either side, the sign of the growth rate is another one than in it.
+// Where beside the range, on either side, the growth rate is 0 or its sign another one than in it; towards a
+// value of 0 by halves.
 std::string change_beyond(GrowthRate& growth, double rate) {
   const Axis& axis = growth.axes()[0];
   const auto changed = [&](double x) {
     try {
-      return growth(x) * rate < 0;
+      return growth(x) * rate <= 0;
     } catch (const Error&) {  // no value that the option takes
       return false;
     }
   };
   std::string text;
-  for (const bool below : {true, false}) {
-    double last = below ? 0 : 1;
+  double reach[2];
+  for (const int side : {0, 1}) {
+    double last = side;
     for (const double away : {.125, .25, .5, 1., 2., 4.}) {
-      double x = below ? -away : 1 + away;
-      if (axis.value(x) * (below ? axis.from : axis.to) < 0) {  // on to 0, not through it
-        if (axis.value(last) == 0) break;
-        x = axis.from / (axis.from - axis.to);
-      }
+      double x = side == 0 ? -away : 1 + away;
+      const double value = axis.value(last);
+      if (axis.value(x) * value <= 0) x = (value / 2 - axis.from) / (axis.to - axis.from);
       if (changed(x)) {
-        const auto [low, high] = std::minmax({axis.value(x), axis.value(last)});
+        const auto [low, high] = std::minmax({axis.value(x), value});
         text += fmt::format("{} {} {}, between {} and {}", text.empty() ? "; it changes" : ", and",
-                            (axis.from < axis.to) == below ? "below" : "above",
-                            number_text(below ? axis.from : axis.to), number_text(low), number_text(high));
+                            (axis.from < axis.to) == (side == 0) ? "below" : "above",
+                            number_text(axis.value(side)), number_text(low), number_text(high));
         break;
       }
       last = x;
     }
+    reach[side] = axis.value(last);
   }
-  return text.empty() ? "; nor does it change within four times that range on either side" : text;
+  if (!text.empty()) return text;
+  return "; no change was seen from " + number_text(reach[0]) + " to " + number_text(reach[1]) + " either";
 }
 
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
@@ -184,7 +186,10 @@ void find_sliding(const Options& options, GrowthRate& growth, FoundBoundary& fou
     warn(
         "modes that were not followed grow already on the boundary found (points with `complete` false): "
         "it lies further on the stable side there");
-  if (found.sliding.empty()) fail_without_points(growth, found.findings.samples);
+  if (!found.sliding.empty()) return;
+  for (const std::string& note : found.findings.notes) warn(note);  // where it is 0, or jumps
+  found.findings.notes.clear();
+  fail_without_points(growth, found.findings.samples);
 }
 
 // Several nodes, or the whole scene, whose own cycle is asked about.

@@ -176,7 +176,9 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
     const bool touches = bracket.a == bracket.b;
     if (touches) (void)growth.leading_from(way.known, bracket.a, 0, true);
     Crossing c = touches ? way.crossing(bracket.a, 0) : zero_between(way, bracket, number++ % every == 0);
-    if (touches || growth.vanishes(c)) {
+    // what the last digit of the place leaves of it, where it is very large on one side
+    const double left = 1e-12 * std::max(std::abs(bracket.fa), std::abs(bracket.fb));
+    if (touches || growth.vanishes(c) || std::abs(c.growth) <= left) {
       c.criticality = way.criticality(c);
       if (roots.empty()) fine = growth.finer();
       if (fine) c.error = grid_error(way, *fine, c);

@@ -286,8 +286,8 @@ bool Following::add_missing(MPI_Comm comm, long first_count, std::vector<Complex
   if (listed() && add_near(where, line, all)) return true;
   double low = line, high = std::numeric_limits<double>::infinity();
   bool close = !where.empty();  // to some of them
-  // Counts that cost what a search does.
-  const int fruitless = int(std::clamp(6000. / double(s_.size()), 3., 24.));
+  // Counts that cost what a search does: little where few unknowns give every eigenvalue at once.
+  const int fruitless = s_.unknowns() <= 128 ? 3 : int(std::clamp(4500. / double(s_.size()), 3., 24.));
   for (int k = 0; k < 24 && high - low > (close ? 1e-9 : 1e-4) * s_.rate; ++k) {
     if (k == fruitless) {
       bool found = false;
