@@ -58,8 +58,8 @@ def test_what_is_in_a_file():
     check(out.returncode == 0, "run: " + out.stderr)
     with open("a.json", encoding="utf-8") as file:
         summary = json.load(file)
-    common = "command status reason warnings version git options model_form delta_sign ranks wall_s".split()
-    check(list(summary)[:len(common)] == common, "common keys first")
+    common = "command status reason warnings version git model_form delta_sign units labels ranks wall_s".split()
+    check(list(summary)[:len(common)] == common and list(summary)[-1] == "options", "common keys first, options last")
     check(summary["status"] == "done" and summary["reason"] is None and summary["command"] == "run", "status done")
     check(summary["delta_sign"] == "derived" and summary["model_form"] == "continuum" and summary["ranks"] == 1, "form")
     check(summary["options"]["grid_n"] == "64" and summary["options"]["model_gamma"] == "3", "options with defaults")
