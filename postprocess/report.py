@@ -53,6 +53,8 @@ class Scene:
             self.refused[part] = str(error)
             return None, None
         self.options |= summary["options"]
+        with h5py.File(file) as results:
+            style.take_names(results)
         return summary, file
 
     def value(self, name):
@@ -152,36 +154,43 @@ def events(scene, file, found):
 
 # ---- the page ------------------------------------------------------------------------------------------------------------
 
+def measured(value, name, digits=4):
+    """A number with its unit, where the scene has units: of a dataset or an option by name, else of what changes in time."""
+    time, of = style.UNITS.get("t"), style.UNITS.get(name, "")
+    if time and name in ("rate", "angular", "frequency"):
+        of = "Hz" if (name, time) == ("frequency", "s") else ("rad/" if name == "angular" else "1/") + time
+    return f"{value:.{digits}g} {of}".rstrip()
+
+
 def sentences(found):
     """What was found, a line each."""
     if "sliding" in found:
         one = found["sliding"]
-        turn = f", angular frequency {one['frequency']:.4g}" if one.get("frequency") else ""
+        turn = f", angular frequency {measured(one['frequency'], 'angular')}" if one.get("frequency") else ""
         state = {True: "stable", False: "unstable", None: "of unknown stability"}[one["stable"]]
-        rate = "unknown" if one["growth_rate"] is None else f"{one['growth_rate']:.4g}"
+        rate = "unknown" if one["growth_rate"] is None else measured(one["growth_rate"], "rate")
         yield f"Steady sliding is {state}: growth rate {rate}{turn}."
     if "motion" in found:
         one = found["motion"]
-        parts = [f"{words} {one[name]:.4g}" for name, words in (("amplitude", "amplitude"), ("period", "period"),
-                                                                ("wave_speed", "wave speed")) if one[name]]
-        yield f"From its start, up to t = {one['t_end']:g}: {', '.join([one['regime'] or 'undecided', *parts])}."
+        parts = [f"{words} {measured(one[name], of)}" for name, words, of in (
+            ("amplitude", "amplitude", "psi"), ("period", "period", "t"), ("wave_speed", "wave speed", "model_c")) if one[name]]
+        yield f"From its start, up to t = {measured(one['t_end'], 't')}: {', '.join([one['regime'] or 'undecided', *parts])}."
     if "oscillation" in found:
         one = found["oscillation"]
         kind = {True: "stable", False: "unstable", None: "of unknown stability"}[one["stable"]]
         rest = f", at rest {one['rest_fraction']:.0%} of the time" if one["rest_fraction"] else ""
         alike = " of all nodes alike" if one["alike"] else ""
-        yield f"The oscillation{alike} is {kind}: period {one['period']:.6g} (frequency {one['frequency']:.4g}), psi from " \
-              f"{one['psi_min']:.4g} to {one['psi_max']:.4g}{rest}."
+        yield f"The oscillation{alike} is {kind}: period {measured(one['period'], 't', 6)}, frequency " \
+              f"{measured(one['frequency'], 'frequency')}, psi from {one['psi_min']:.4g} to {measured(one['psi_max'], 'psi')}{rest}."
     if "ends" in found:
-        one = found["ends"]
-        changes = []
+        one, changes = found["ends"], []
         for of in ("sliding", "stick-slip"):
             points = sorted((point for point in one["points"] if point["of"] == of), key=lambda point: point["value"])
             if len(points) > 3:
                 changes.append(f"{of} {len(points)} times, first at {points[0]['value']:.5g}, last at {points[-1]['value']:.5g}")
             else:
-                changes += [f"{of} at {point['value']:.5g} ({point['kind']})" for point in points]
-        yield f"Over v from {one['from']:.3g} to {one['to']:.3g} " \
+                changes += [f"{of} at {measured(point['value'], 'model_v', 5)} ({point['kind']})" for point in points]
+        yield f"Over v from {one['from']:.3g} to {measured(one['to'], 'model_v', 3)} " \
               + (f"these end or begin: {', '.join(changes)}." if changes else "neither sliding nor stick-slip ends.")
     if "catalogue" in found:
         one = found["catalogue"]

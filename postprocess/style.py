@@ -90,14 +90,17 @@ SUBSCRIPTS = {"₀": "_0", "₁": "_1", "₂": "_2"}
 
 
 def typeset(words):
-    """Words with their symbols in italics: Greek letters, and Latin ones that stand alone."""
+    """Words with their symbols in italics: Greek letters, and Latin ones that stand alone; units stay upright."""
     def italic(match):
         return "$" + "".join(SUBSCRIPTS.get(letter, letter) for letter in match[0]) + "$"
     if words in as_given:
         return words
-    parts = str(words).split("$")  # what is typeset already stays
+    units = {*UNITS.values(), *(of + UNITS["t"] for of in ("1/", "rad/") if "t" in UNITS)}
+    unit = "|".join(re.escape(name) for name in sorted(units, key=len, reverse=True))
+    stays = r"(\$[^$]*\$" + (rf"|\((?:{unit})\)|(?<=\d )(?:{unit})(?![\w/^])" if units else "") + ")"
+    parts = re.split(stays, str(words))  # what is typeset already, and units in brackets or behind a number
     parts[::2] = [LETTER.sub(italic, part) for part in parts[::2]]
-    return "$".join(parts)
+    return "".join(parts)
 
 
 def axis_name(name):
