@@ -193,9 +193,9 @@ TEST_CASE("summary: all keys whatever happens, written whole", "[output]") {
   const Folder folder;
   const std::string path = folder / "s.json";
   Summary summary(some_provenance(), {{"t_end"}, {"steps"}}, path);
-  const std::vector<std::string> keys{"command", "status",  "reason",     "warnings",   "version",
-                                      "git",     "options", "model_form", "delta_sign", "ranks",
-                                      "wall_s",  "t_end",   "steps"};
+  const std::vector<std::string> keys{"command",    "status",     "reason", "warnings", "version", "git",
+                                      "model_form", "delta_sign", "ranks",  "wall_s",   "t_end",   "steps",
+                                      "options"};
   CHECK_THROWS_AS(summary.set("speed", 1), std::logic_error);
 
   CHECK_THROWS_AS(with_summary(summary, []() -> int { throw UsageError("wrong"); }), UsageError);
@@ -230,7 +230,7 @@ TEST_CASE("summary: all keys whatever happens, written whole", "[output]") {
   text = content(path);
   CHECK(text.find("\"status\": \"done\"") != std::string::npos);
   CHECK(text.find("\"reason\": null") != std::string::npos);
-  CHECK(text.find("\"steps\": 12\n") != std::string::npos);
+  CHECK(text.find("\"steps\": 12,\n") != std::string::npos);
   MPI_Barrier(PETSC_COMM_WORLD);
 
   Summary stopped(some_provenance(), {}, path);
