@@ -25,7 +25,8 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
-from catalogue import DENSITY, FEWEST, WIDTH, draw_density, fit, magnitudes, read, signed_moments, usual_bounds
+from catalogue import (DENSITY, FEWEST, WIDTH, draw_density, fit, goodness, magnitudes, read, signed_moments,
+                       usual_bounds)
 from style import COLOURS, REFERENCE, Picture, name_axes, typeset
 
 # Kinds of magnitudes: what they are of ln M, and their name.
@@ -44,19 +45,23 @@ def fitted(m, bounds, unit):
     the axis."""
     low, high = bounds or usual_bounds(m)
     b, error, number = fit(m, low, high)
-    shown = f"[{unit * low:.4g}, {unit * high:.4g}]"
+    shown = f"[{unit * low:.4g}, {unit * high:.4g}]" + (" of Mw" if unit != 1 else "")
     if not np.isfinite(b):
         return None, f"no b: {number} events in {shown}, and a fit takes {FEWEST} (--fit A B sets the range)"
     # what the fitted line would have above the range, against what is there
     expected = number * np.exp(-b * (high - low)) / -np.expm1(-b * (high - low)) if b > 0 else np.nan
+    p = goodness(m, low, high)
+    line = f"; not a straight line (p = {p:.2g})" if p < 0.05 else ""
     return (b, low, high, number), f"b = {b:.3f} +- {error:.3f} (3b/2 = {1.5 * b:.3f} +- {1.5 * error:.3f}) on {shown} " \
-        f"({number} events); beyond it {np.sum(m >= high)} events, {expected:.0f} on the line"
+        f"({number} events){line}; beyond it {np.sum(m >= high)} events, {expected:.0f} on the line"
 
 
 def draw_curve(picture, axes, runs, names, bounds, kind):
     """How many events there are of each magnitude, with the fits; what they say is printed."""
     unit, words = MAGNITUDES[kind]
     bounds = bounds and [value / unit for value in bounds]
+    if not bounds and len({usual_bounds(magnitudes(run)) for run in runs if len(magnitudes(run))}) > 1:
+        print("each b is of a range of its own: they are not to be compared (--fit A B sets one for all)")
     for k, (run, name) in enumerate(zip(runs, names)):
         m, colour = magnitudes(run), COLOURS[k % len(COLOURS)]
         if len(m) == 0:

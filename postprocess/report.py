@@ -25,8 +25,10 @@ import style
 from catalogue import WIDTH, draw_density, magnitudes, read, statistics
 from events import draw_regions
 from figures_run import fill_xt, is_block
-from style import BLUE, GREY, RED, REFERENCE, Picture, draw_branch, logarithmic, name_axes, stability_words
+from style import BLACK, BLUE, GREY, RED, REFERENCE, Picture, draw_branch, logarithmic, name_axes, stability_words
 
+WORDS = {"sliding": ("sliding gains or loses its stability at", "sliding keeps its stability"),
+         "stick-slip": ("stick-slip ends at", "stick-slip does not end")}
 RANGE = 5.  # the velocity is varied down and up by this factor
 
 
@@ -46,6 +48,7 @@ class Scene:
     def ask(self, part, command, **settings):
         """The summary of a command and its file, or two times None; `part` says for what it was."""
         file = os.path.join(self.folder, part.replace(" ", "-") + ".h5")
+        settings = {name: value for name, value in settings.items() if "-" + name not in self.more}  # the user's own hold
         print(f"report.py: {part} ...", file=sys.stderr)
         try:
             summary = stickslip.run(command, self.path, *self.more, out_file=file, timeout=self.seconds, **settings)
@@ -104,13 +107,22 @@ def oscillation(scene, found):
 def ends(scene, found):
     v = scene.value("model_v")
     low, high = sorted((v / RANGE, v * RANGE))
-    settings = {"boundary_parameter": "model_v", "boundary_from": low, "boundary_to": high}
-    summary, _ = scene.ask("end of stick-slip", "boundary", boundary_of="both", **settings)
-    if not summary:
-        summary, _ = scene.ask("end of sliding", "boundary", boundary_of="sliding", **settings)
+    summary, of = both(scene, "end", boundary_parameter="model_v", boundary_from=low, boundary_to=high)
     if summary:
-        found["ends"] = {"parameter": "model_v", "from": low, "to": high,
+        found["ends"] = {"parameter": "model_v", "from": scene.value("boundary_from"), "to": scene.value("boundary_to"), "of": of,
                          "points": [numbers(point, "value", "of", "kind", "frequency") for point in summary["points"]]}
+
+
+def both(scene, part, **settings):
+    """What boundary says of sliding and stick-slip, or of sliding alone, and of which it is."""
+    summary, _ = scene.ask(part + " of stick-slip", "boundary", boundary_of="both", **settings)
+    if summary:
+        return summary, ["sliding", "stick-slip"]
+    summary, _ = scene.ask(part + " of sliding", "boundary", boundary_of="sliding", **settings)
+    if not summary:  # said once
+        del scene.refused[part + " of stick-slip"]
+        scene.refused[part] = scene.refused.pop(part + " of sliding")
+    return summary, ["sliding"]
 
 
 def across(options):
@@ -129,12 +141,12 @@ def chart(scene, found):
     if name is None:
         scene.refused["map"] = "neither damping nor stiffness is one number above 0"
         return
-    summary, _ = scene.ask("map", "boundary", boundary_of="sliding", boundary_parameter="model_v",
-                           boundary_from=min(v / RANGE, v * RANGE), boundary_to=max(v / RANGE, v * RANGE),
-                           boundary_parameter2=name, boundary_from2=value / RANGE, boundary_to2=value * RANGE)
+    summary, _ = both(scene, "map", boundary_parameter="model_v", boundary_from=min(v / RANGE, v * RANGE),
+                      boundary_to=max(v / RANGE, v * RANGE), boundary_parameter2=name, boundary_from2=value / RANGE,
+                      boundary_to2=value * RANGE)
     if summary:
         found["map"] = {"parameters": ["model_v", name], "at": [v, value],
-                        "points": [numbers(point, "value", "value2", "kind", "piece") for point in summary["points"]]}
+                        "points": [numbers(point, "value", "value2", "of", "kind", "piece") for point in summary["points"]]}
 
 
 def events(scene, file, found):
@@ -184,14 +196,12 @@ def sentences(found):
               f"{measured(one['frequency'], 'frequency')}, psi from {one['psi_min']:.4g} to {measured(one['psi_max'], 'psi')}{rest}."
     if "ends" in found:
         one, changes = found["ends"], []
-        for of in ("sliding", "stick-slip"):
+        for of in one["of"]:
             points = sorted((point for point in one["points"] if point["of"] == of), key=lambda point: point["value"])
-            if len(points) > 3:
-                changes.append(f"{of} {len(points)} times, first at {points[0]['value']:.5g}, last at {points[-1]['value']:.5g}")
-            else:
-                changes += [f"{of} at {measured(point['value'], 'model_v', 5)} ({point['kind']})" for point in points]
-        yield f"Over v from {one['from']:.3g} to {measured(one['to'], 'model_v', 3)} " \
-              + (f"these end or begin: {', '.join(changes)}." if changes else "neither sliding nor stick-slip ends.")
+            at = [f"{measured(point['value'], 'model_v', 5)} ({point['kind']})" for point in points]
+            changes.append(f"{WORDS[of][not at]} {' and '.join(at if len(at) < 4 else [at[0], '...', at[-1]])}".rstrip())
+        name = style.NAMES["model_v"] if style.NAMES["model_v"] in {label.split(" (")[0] for label in style.as_given} else "v"
+        yield f"Over {name} from {one['from']:.3g} to {measured(one['to'], 'model_v', 3)} {', '.join(changes)}."
     if "catalogue" in found:
         one = found["catalogue"]
         b = f", b = {one['b']:.3f} ({one['b_interval'][0]:.3f} to {one['b_interval'][1]:.3f})" if np.isfinite(one["b"]) else ""
@@ -213,21 +223,23 @@ def draw_friction(axes, scene, picture):
     name_axes(axes, "psi", "F")
 
 
-def draw_course(axes, series, picture):
+def draw_course(axes, series, period, picture):
     t, top, mean = (series[name][...] for name in ("t", "psi_max", "psi_mean"))
     if np.array_equal(top, mean):  # of one block they are one
         axes.plot(t, mean, color=BLUE, lw=0.9)
     else:
         picture.label(axes, "largest", *axes.plot(t, top, color=RED, lw=0.9))
         picture.label(axes, "mean", *axes.plot(t, mean, color=BLUE, lw=0.9))
+    if period:  # the last of them
+        axes.set_xlim(max(t[0], t[-1] - 6 * period), t[-1])
     name_axes(axes, "t", "psi")
 
 
-def draw_motion(place, file, catalogue, picture):
+def draw_motion(place, file, catalogue, period, picture):
     """The course in time, and where nodes move differently the picture over place and time, or that of the events."""
     with h5py.File(file) as run:
         if "series" in run and len(run["series/t"]):
-            draw_course(place(), run["series"], picture)
+            draw_course(place(), run["series"], period, picture)
         if catalogue:
             draw_regions(picture, place(), catalogue, "lnM")
             draw_sizes(place(), catalogue)
@@ -249,22 +261,27 @@ def draw_amplitude(axes, points, v):
     title = stability_words(stable)
     if title:
         axes.set_title(title, color=GREY)
-    name_axes(axes, "model_v", "largest ψ of the oscillation")
+    name_axes(axes, "model_v", style.with_unit("largest ψ of the oscillation", "psi"))
 
 
 def draw_map(axes, chart_found, picture):
     points = chart_found["points"]
-    for piece in sorted({point["piece"] for point in points}):
-        axes.plot(*np.array([[point["value"], point["value2"]] for point in points if point["piece"] == piece]).T, color=BLUE)
-    axes.plot(*chart_found["at"], "o", color=RED)
-    picture.label(axes, "the scene", *([value] for value in chart_found["at"]), RED)
+    for of, colour in (("sliding", BLUE), ("stick-slip", RED)):
+        own = [point for point in points if point["of"] == of]
+        for piece in sorted({point["piece"] for point in own}):
+            line, = axes.plot(*np.array([[point["value"], point["value2"]] for point in own if point["piece"] == piece]).T,
+                              color=colour)
+            if piece == own[0]["piece"]:
+                picture.label(axes, of, line)
+    axes.plot(*chart_found["at"], "o", color=BLACK)
+    picture.label(axes, "the scene", *([value] for value in chart_found["at"]), BLACK)
     v, other = chart_found["at"]
     axes.set(xlim=sorted((v / RANGE, v * RANGE)), ylim=(other / RANGE, other * RANGE))
     if v > 0:
         logarithmic(axes, "x")
     logarithmic(axes, "y")
     name_axes(axes, *chart_found["parameters"])
-    axes.set_title("sliding changes its stability", color=GREY)
+    axes.set_title("where sliding changes its stability, stick-slip ends", color=GREY)
 
 
 def draw_sizes(axes, run):
@@ -292,7 +309,7 @@ def page(path, more=(), seconds=60.):
         if scene.laws:
             draw.append(lambda place: draw_friction(place(), scene, picture))
         if course:
-            draw.append(lambda place: draw_motion(place, course, catalogue, picture))
+            draw.append(lambda place: draw_motion(place, course, catalogue, found["motion"]["period"], picture))
         if cycle:
             draw.append(lambda place: draw_loop(place(), cycle))
         if found.get("amplitude"):
