@@ -168,6 +168,7 @@ class Table {
 
   void find_header(std::string line) {
     line.erase(0, std::min(line.find_first_not_of(" \t#%"), line.size()));
+    bool split = false;
     for (const char separator : {';', '\t', ',', ' '}) {
       const std::vector<std::string> names = fields_of(line, separator);
       std::vector<std::size_t> found;
@@ -177,7 +178,12 @@ class Table {
             found.push_back(j);
             break;
           }
-      if (names.size() > header_.size()) header_ = names;
+      // what may be chosen, should this fail: the most names that the first separator of a line gives, not by
+      // blanks where others do; no row of numbers
+      const std::pair<bool, std::size_t> breadth{separator != ' ', names.size()};
+      if (!split && names.size() > 1 && breadth > breadth_ && !is_row(names, separator, names.size()))
+        header_ = names, breadth_ = breadth;
+      split = split || names.size() > 1;
       if (found.size() < chosen_.size()) continue;
       columns_ = found, header_ = names, separator_ = separator;
       return;
@@ -266,7 +272,8 @@ class Table {
   std::vector<std::string> chosen_;   // columns as they were given
   std::vector<std::size_t> columns_;  // that are read; all where empty
   std::vector<std::string> lines_, header_;
-  std::size_t skipped_ = 0;  // rows of words
+  std::pair<bool, std::size_t> breadth_{};  // of the header: not by blanks, names
+  std::size_t skipped_ = 0;                 // rows of words
   char separator_ = ' ';
 };
 

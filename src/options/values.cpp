@@ -1,6 +1,7 @@
 #include "options/values.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -256,6 +257,11 @@ void check_value(const OptionSpec& spec, const std::string& text, const std::str
       throw usage_error("-{} {}{}: a decimal point, not a comma: {}", spec.name, quoted(text),
                         in_place(where), point);
   }
+  const std::size_t ending = text.rfind('.');  // of a file: letters
+  if (spec.type == OptionType::pairs && ending != std::string::npos && ending + 1 < text.size() &&
+      std::isalpha(static_cast<unsigned char>(text[ending + 1])))
+    throw usage_error("-{} {}{}: there is no such file, and it is not {}", spec.name, quoted(text),
+                      in_place(where), requirement(spec));
   const std::string meant = name_by_meaning(text);
   const bool is_meant = std::find(spec.words.begin(), spec.words.end(), meant) != spec.words.end();
   // The bound itself is the value whose refusal may surprise: what the option is says why.

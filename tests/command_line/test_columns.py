@@ -76,6 +76,8 @@ def test_every_option_that_takes_a_file():
     ("a;b;c\n0;1;2\n", "f", ":2: 3 columns; 2 are wanted: choose them by number, as in f:1,2, or by name, of 'a', 'b', 'c'"),
     ("0 1\n1 2 3\n", "f", ":2: 3 columns where the rows before have 2"),
     ("Time (s),mu\n0,1\n", "f:Time,mu", "no column Time; did you mean Time (s)?"),
+    ("v (km/h);v (m/s);Reibwert\n0,0;0;0,5\n3,6;1;0,45\n", "f:Speed,Reibwert",
+     "no column Speed; choose them by number, as in f:1,2, or by name, of 'v (km/h)', 'v (m/s)', 'Reibwert'"),
     ("0,1\n", "f:1,3", "no row has numbers in the columns that are named"),
     ("0,1\n", "f:0,1", "no column 0; they count from 1"),
     ("0,1,2\n", "f:1,2,3", ":1: 3 columns; 2 are wanted"),
