@@ -56,23 +56,28 @@ void SlidingStep::Rates::operator()(const kernel::Coefficients& coefficients, co
   }
 }
 
+template <class Body>
+void SlidingStep::keeping_held(double* column, PetscInt first, PetscInt count, const Body& body) const {
+  double held[2] = {};  // at most the two ends are
+  int k = 0;
+  tiles_.for_held(first, first + count, [&](PetscInt i) { held[k++] = column[i - first]; });
+  body();
+  k = 0;
+  tiles_.for_held(first, first + count, [&](PetscInt i) { column[i - first] = held[k++]; });
+}
+
 void SlidingStep::to_y(const Nodes& n) const {
-  std::vector<double>& y = rate_of_state_;
-  law_.force_over_a({n.psi, n.state, nullptr, n.count, tiles_.number(n.first)}, y.data());
-  tiles_.for_held(n.first, n.first + n.count,
-                  [&](PetscInt i) { y[std::size_t(i - n.first)] = n.force[i - n.first]; });
-  std::copy_n(y.data(), n.count, n.force);
+  keeping_held(n.force, n.first, n.count, [&] {
+    law_.force_over_a({n.psi, n.state, nullptr, n.count, tiles_.number(n.first)}, n.force);
+  });
 }
 
 void SlidingStep::to_eta(const Nodes& n) const {
   const double* const strength = &strength_[std::size_t(tiles_.number(n.first))];
   const double B = coefficients_.B;
-  double held[2] = {};
-  int k = 0;
-  tiles_.for_held(n.first, n.first + n.count, [&](PetscInt i) { held[k++] = n.force[i - n.first]; });
-  for (PetscInt i = 0; i < n.count; ++i) n.force[i] = strength[i] * n.force[i] + B * n.psi[i];
-  k = 0;
-  tiles_.for_held(n.first, n.first + n.count, [&](PetscInt i) { n.force[i - n.first] = held[k++]; });
+  keeping_held(n.force, n.first, n.count, [&] {
+    for (PetscInt i = 0; i < n.count; ++i) n.force[i] = strength[i] * n.force[i] + B * n.psi[i];
+  });
 }
 
 // psi of held nodes is that of columns 0, which stands; their eta moves with nothing beside it.
@@ -182,13 +187,11 @@ void SlidingStep::end_sum(Vec u) const {
   over_columns(tiles_.model(), u,
                [&](double* psi, double* force, double* state, PetscInt first, PetscInt count) {
                  double psi_y[kernel::tile_size], psi_state[kernel::tile_size], a[kernel::tile_size];
-                 double g[kernel::tile_size], held[2] = {};
-                 int k = 0;
-                 tiles_.for_held(first, first + count, [&](PetscInt i) { held[k++] = psi[i - first]; });
-                 law_.velocities({force, state, nullptr, count, tiles_.number(first)},
-                                 {psi, psi_y, psi_state, a, g});
-                 k = 0;
-                 tiles_.for_held(first, first + count, [&](PetscInt i) { psi[i - first] = held[k++]; });
+                 double g[kernel::tile_size];
+                 keeping_held(psi, first, count, [&] {
+                   law_.velocities({force, state, nullptr, count, tiles_.number(first)},
+                                   {psi, psi_y, psi_state, a, g});
+                 });
                  to_eta({psi, force, state, first, count});
                });
 }

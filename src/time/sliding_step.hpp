@@ -54,6 +54,9 @@ class SlidingStep : public StepTaker {
     double *psi, *force, *state;
     PetscInt first, count;
   };
+  // body() may write over the values of held nodes in a column from node `first` on: they stand as before.
+  template <class Body>
+  void keeping_held(double* column, PetscInt first, PetscInt count, const Body& body) const;
   void to_y(const Nodes& nodes) const;
   void to_eta(const Nodes& nodes) const;  // psi stands already
   // psi in columns 1, and into the scratch columns its slopes, of columns `index`; g: nullptr or the rate of
@@ -70,7 +73,7 @@ class SlidingStep : public StepTaker {
   StencilLoop stencil_;
   RatesLoop rates_;
   std::vector<double> strength_;  // a_i a of every node of this rank and its halo, 1 of held ones
-  mutable std::vector<double> rate_of_state_;  // room, and where nobody asks for it
+  mutable std::vector<double> rate_of_state_;  // where nobody asks for it
 };
 
 }  // namespace stickslip
