@@ -126,7 +126,7 @@ def both(scene, part, **settings):
 
 
 def across(options):
-    """The second option of the map: the damping where there is one, else the stiffness, else the amplitude of friction."""
+    """The second option of the map, the damping where there is one, else the stiffness, and its value; None where neither is."""
     damping = {"continuum": "model_delta", "chain": "model_zeta"}[options["model_form"]]
     stiffness = {"continuum": "model_gamma", "chain": "model_k0"}[options["model_form"]]
     for name in (damping, stiffness):
