@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "base/json_values.hpp"
 #include "base/names.hpp"
@@ -65,7 +67,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   double runs_before = 0;  // of attempts that were not good enough
   for (int attempt = 1;; ++attempt) {
     const Options chosen = plan.options();
-    replace_library_options(options, chosen);
+    std::optional<LibraryOptionsHeld> held(std::in_place, options, chosen);
     Progress(chosen.text("progress"), "")
         .tell(fmt::format("accuracy: {}; choosing took {} s", plan.what(),
                           number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5)));
@@ -100,7 +102,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     if (attempt == 5)
       throw Failure(fmt::format("accuracy {} was not reached: the error is about {} with {}",
                                 options.text("accuracy"), number_text(estimate), plan.what()));
-    replace_library_options(chosen, options);  // what was chosen is for that run alone
+    held.reset();  // what was chosen is for that run alone
     try {
       plan.refine();
     } catch (const Failure&) {  // the answer stands
@@ -308,7 +310,7 @@ int run_here(const Options& options) {
     if (options.boolean("check")) {
       const bool chosen = options.is_set("accuracy") && !options.is_set("restart");
       const Options all = chosen ? AccuracyPlan(options, options.real("accuracy")).options() : options;
-      insert_library_options(all);
+      const LibraryOptionsHeld held(options, all);
       return Run(all, command.provenance).check(summary);
     }
     const int code = options.is_set("accuracy") && !options.is_set("restart")

@@ -33,7 +33,7 @@ PointRunner::Outcome PointRunner::run(const Options& options) const {
   try {
     const WarningsKept quiet(warnings);
     const SummaryKept kept(summary);
-    replace_library_options(base_, options);
+    const LibraryOptionsHeld held(base_, options);
     if (command_.has_grid) check_size(options, PETSC_COMM_WORLD);
     outcome.code = command_.body(options);
   } catch (const Interrupted& e) {
@@ -55,7 +55,6 @@ PointRunner::Outcome PointRunner::run(const Options& options) const {
     summary["status"] = "failed";
     summary["reason"] = one_line(reason);
   }
-  replace_library_options(options, base_);
   summary["warnings"] = warnings;
   outcome.row = flat_row(summary);
   return outcome;

@@ -293,12 +293,25 @@ void clear_library_option(const std::string& name) {
   SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name_in_database(name)).c_str()));
 }
 
-void replace_library_options(const Options& before, const Options& after) {
+// Takes what `before` has out of the database, and puts in what `after` has.
+static void replace_library_options(const Options& before, const Options& after) {
   if (before.library() == after.library() && before.text("ts_atol") == after.text("ts_atol")) return;
   for (const auto& [name, text] : before.library())
     if (!after.library().count(name)) clear_library_option(name);
   if (before.is_set("ts_atol")) SS_TRY(PetscOptionsClearValue(nullptr, "-ts_atol"));
   insert_library_options(after);
+}
+
+LibraryOptionsHeld::LibraryOptionsHeld(const Options& before, const Options& after)
+    : before_(before), after_(after) {
+  replace_library_options(before_, after_);
+}
+
+LibraryOptionsHeld::~LibraryOptionsHeld() {
+  try {
+    replace_library_options(after_, before_);
+  } catch (const Error&) {  // of a text that was there already: out of memory alone
+  }
 }
 
 void check_unused_after_setup(const Options& options, const std::string& objects) {

@@ -12,6 +12,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/options/library_options.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
@@ -239,10 +240,10 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
 Trial LevelRuns::trial(const Setting& s, double limit) const {
   const MeasureMaker measure = request_.of.measure(request_.options);
   const double longest = at_start_.longest_step(s);  // as the run will have it
-  if (longest > 0) SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_dt_max", number_text(longest).c_str()));
-  Trial made = run_trial(request_.options, s, "", limit, measure);
-  if (longest > 0 && !request_.options.is_set("ts_adapt_dt_max"))
-    SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_dt_max"));
+  const Options& asked = request_.options;
+  const Options bounded = longest > 0 ? asked.with("ts_adapt_dt_max", number_text(longest)) : asked;
+  const LibraryOptionsHeld held(asked, bounded);
+  Trial made = run_trial(asked, s, "", limit, measure);
   if (measure && made.failed.empty() && made.measured.empty()) {
     made.fault = Fault::failed;
     made.failed = "the motion has no " + request_.of.name() + " to measure";

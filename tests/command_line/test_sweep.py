@@ -327,3 +327,15 @@ def test_periods_double():
     for spread, period in ((0.095, 2), (0.07, 4), (0.056, 8)):
         s, _ = run(f"{scene_file('sweep-doubling')} -friction_spread {spread}")
         check(s["maxima_period"] == period, f"{s['maxima_period']} at {spread}")
+
+
+def test_what_accuracy_chooses_for_a_point_is_for_that_point_alone():
+    """Of an explicit point and a stiff one behind it: the second has the method and the steps of a command of its own."""
+    scene = ("-model_form chain -grid_n 3 -bc_left free -model_k1 0.6 -friction_law rate-and-state -friction_a 0.2 -friction_b 0.4 "
+             "-friction_D 0.8 -init_psi 0.3 -init_eta 0.2 -init_noise 0.1 -ts_max_time 30 -accuracy 1e-4 ")
+    run(scene + "-sweep_parameter1 model_v -sweep_values1 1,1e-3 -out_file s.h5", command="sweep")
+    alone = [run(scene + f"-model_v {v}")[0] for v in (1, 1e-3)]
+    with h5py.File("s.h5") as file:
+        assert [one.decode() for one in file["accuracy_method"]] == [one["accuracy"]["method"] for one in alone]
+        assert list(file["steps"]) == [one["steps"] for one in alone]
+    assert alone[0]["accuracy"]["method"] != alone[1]["accuracy"]["method"]

@@ -55,7 +55,16 @@ std::string option_behind(const std::string& message, const Options& options);
 std::string name_in_database(const std::string& name);
 // Takes a library's option out of PETSc's database.
 void clear_library_option(const std::string& name);
-// PETSc's database, which holds the library options of `before`, holds those of `after`.
-void replace_library_options(const Options& before, const Options& after);
+// PETSc's database, which holds the library options of `before`, holds those of `after` while this lives.
+class LibraryOptionsHeld {
+ public:
+  LibraryOptionsHeld(const Options& before, const Options& after);
+  ~LibraryOptionsHeld();
+  LibraryOptionsHeld(const LibraryOptionsHeld&) = delete;
+  LibraryOptionsHeld& operator=(const LibraryOptionsHeld&) = delete;
+
+ private:
+  Options before_, after_;
+};
 
 }  // namespace stickslip
