@@ -1,17 +1,30 @@
 """Pictures of charts: error against seconds, and where each method fails."""
+import zlib
+
 import numpy as np
 from matplotlib.ticker import LogLocator, NullLocator
 
-from stickslip import Unusable, scene_title, shown_name, text
-from style import BLUE, GREEN, GREY, OCHRE, RED, REFERENCE, Picture, course, logarithmic, typeset
+from stickslip import Unusable, scene_title, text
+from style import (BLACK, BLUE, COLOURS, GREEN, GREY, OCHRE, RED, REFERENCE, SLATE, VIOLET, Picture, axis_name, logarithmic,
+                   typeset)
 
-# How a method fails: name in the file, mark, colour, filled, words.
-FAILURES = (("shortest", "^", GREEN, True, "shortest wave grows falsely"),
-            ("shortest_theory", "^", GREEN, False, "shortest wave, by theory"),
-            ("damps", "D", OCHRE, True, "unstable sliding comes out stable"),
-            ("damps_theory", "D", OCHRE, False, "unstable sliding, by theory"))
-ENDS = {"blow-up": ("x", "blow-up"), "": (">", "longest step tried: ends, but wrong")}
+# How a method fails: name in the file, mark, colour, words. Where it was not met the step that theory gives stands open.
+FAILURES = (("shortest", "^", GREEN, "a wave two nodes long grows falsely"), ("damps", "D", OCHRE, "unstable sliding comes out stable"))
+BY_THEORY = "open: by theory, not met in a run"
+ENDS = {"blow-up": ("x", "blows up"), "": (">", "still so at the longest step tried")}
 OTHER_END = ("+", "Newton fails, or ψ out of bounds")
+# One method has one look in all charts: of these the colours differ, the marks say the family and what is implicit.
+COLOUR = {"rk:3bs": BLUE, "rk:5dp": RED, "rk:7vr": GREEN, "rk:8vr": VIOLET, "arkimex:3": OCHRE, "arkimex:4": SLATE, "arkimex:5": BLACK,
+          "rosw:ra34pw2": VIOLET}
+MARK = {"rk": "o", "arkimex": "s", "rosw": "D", "bdf": "^", "theta": "v", "cn": "v", "beuler": "v", "alpha": "v"}
+
+
+def look(method, implicit=""):
+    """Colour and mark of a method, that of exact stick where friction is smoothed."""
+    method = method.partition(",")[0]
+    mark = {"wave": "<", "both": ">"}.get(implicit) if method.startswith("arkimex") else None
+    return {"color": COLOUR.get(method, COLOURS[zlib.crc32(method.encode()) % len(COLOURS)]),
+            "marker": mark or MARK.get(method.partition(":")[0], "X")}
 
 
 class Limits:
@@ -29,7 +42,7 @@ class Limits:
 
     def panels(self, height_of_key, shown):
         """The picture with a panel for each group, over the steps of the names `shown`, and the axes of the key."""
-        columns = min(len(self.groups), 3)
+        columns = 2 if len(self.groups) == 4 else min(len(self.groups), 3)
         lines = -(-len(self.groups) // columns)
         height = 0.55 + 0.19 * len(self.rows)
         picture = Picture(lines * height + height_of_key + 0.4)
@@ -39,7 +52,7 @@ class Limits:
         for k, group in enumerate(self.groups):
             axes = picture.add_subplot(grid[divmod(k, columns)])
             panels.append((axes, [row for row, place in enumerate(self.places) if place == group]))
-            words = [f"{shown_name(self.parameter)} = {group[0]:g}"] if self.parameter else []
+            words = [f"{axis_name(self.parameter)} = {group[0]:g}"] if self.parameter else []
             words += [f"order {group[1]}, n = {group[2]}"] if len({g[1:] for g in self.groups}) > 1 else []
             axes.set_title(typeset(", ".join(words)))
             axes.set_yticks(range(len(self.rows)), self.rows[::-1] if k % columns == 0 else [""] * len(self.rows))
@@ -83,29 +96,35 @@ def draw_right(file):
 
 def draw_fails(file):
     limits = Limits(file)
-    picture, panels, key = limits.panels(0.8, ("followed", "limit", "longest", *(name for name, *_ in FAILURES)))
+    names = [name + end for name, *_ in FAILURES for end in ("", "_theory")]
+    picture, panels, key = limits.panels(0.65, ("followed", "limit", "longest", *names))
     seen = {}
 
     def mark(axes, x, row, words, symbol, colour, filled=True):
-        seen[words], = axes.plot(x, limits.height(row), symbol, color=colour, mfc=colour if filled else "none", mew=1.3, zorder=3,
-                                 ms=5 if filled else 7, ls="none")
+        line, = axes.plot(x, limits.height(row), symbol, color=colour, mfc=colour if filled else "w", mew=1.3, zorder=3, ms=5, ls="none")
+        if filled or words not in seen:
+            seen[words] = line
     for axes, rows in panels:
         for row in rows:
             right, limit, longest = (limits.value[name][row] for name in ("followed", "limit", "longest"))
             end = limit if np.isfinite(limit) else longest
             if np.isfinite(end) and np.isfinite(right) and end > right:
-                seen["ends, but wrong"], = axes.plot([right, end], [limits.height(row)] * 2, color="0.75", lw=3, zorder=1,
+                seen["ends, but is wrong"], = axes.plot([right, end], [limits.height(row)] * 2, color="0.75", lw=3, zorder=1,
                                                      solid_capstyle="butt")
             symbol, words = ENDS.get(limits.how[row], OTHER_END)
             if np.isfinite(end):
                 mark(axes, end, row, words, symbol, RED if limits.how[row] else GREY)
-            for name, symbol, colour, filled, words in FAILURES:
-                measured = limits.value[name.removesuffix("_theory")][row]  # which theory agrees with, as a rule
-                if np.isfinite(limits.value[name][row]) and (filled or not np.isfinite(measured)):
-                    mark(axes, limits.value[name][row], row, words, symbol, colour, filled)
+            for name, symbol, colour, words in FAILURES:
+                met, theory = limits.value[name][row], limits.value[name + "_theory"][row]
+                if np.isfinite(met) or np.isfinite(theory):
+                    mark(axes, met if np.isfinite(met) else theory, row, words, symbol, colour, filled=np.isfinite(met))
+                if not np.isfinite(met) and np.isfinite(theory):
+                    seen[BY_THEORY], = axes.plot([], [], "o", mec=GREY, mfc="w", mew=1.3, ms=5, ls="none")
         axes.grid(axis="y", color="0.93", lw=0.7)
         axes.set_axisbelow(True)
-    key.legend(seen.values(), [typeset(words) for words in seen], loc="center", ncols=2)
+    order = ["ends, but is wrong", *(words for _, words in (*ENDS.values(), OTHER_END)), *(words for *_, words in FAILURES), BY_THEORY]
+    shown = [words for words in order if words in seen]
+    key.legend([seen[words] for words in shown], [typeset(words) for words in shown], loc="center", ncols=2)
     picture.title("How longer steps fail: " + scene_title(file, [limits.parameter]))
     return picture
 
@@ -133,6 +152,7 @@ def draw_chart(file, args):
     method, implicit = ([text(value) for value in file[name][...]] for name in ("method", "implicit"))
     names = np.array([m + (f", {i} implicit" if m.startswith("arkimex") and i not in ("none", "auto") else "")
                       for m, i in zip(method, implicit)], object)
+    looks = {name: look(m, i) for name, m, i in zip(names, method, implicit)}
     drawn = np.isfinite(error) & np.isfinite(seconds) & (error > 0)
     if not drawn.any():
         raise Unusable("holds no row with an error")
@@ -144,14 +164,13 @@ def draw_chart(file, args):
     lines = -(-len(changed) // columns)
     picture = Picture(4.8 + 0.17 * lines)
     axes, *table = np.atleast_1d(picture.subplots(2, 1, height_ratios=[4.8, 0.17 * lines]) if lines else picture.subplots())
-    for k, name in enumerate(dict.fromkeys(names[drawn])):
+    for name in dict.fromkeys(names[drawn]):
         rows = np.flatnonzero(drawn & (names == name))
         rows = rows[lower_front(seconds[rows], error[rows])]
-        style = course(k)
-        line, = axes.plot(seconds[rows], error[rows], marker="o", ms=3, mfc="w", alpha=0.45, **{**style, "lw": 1})
+        line, = axes.plot(seconds[rows], error[rows], ms=3, mfc="w", alpha=0.45, lw=1, **looks[name])
         bold = np.isin(rows, best)
         together = np.where(bold | np.r_[False, bold[:-1] & bold[1:]], error[rows], np.nan)
-        axes.plot(seconds[rows], together, marker="o", ms=5, **{**style, "lw": 2.8}, zorder=3)
+        axes.plot(seconds[rows], together, ms=5, lw=2.8, zorder=3, **looks[name])
         picture.label(axes, name, line)
     axes.set(xlabel="processor time in seconds, median of the repetitions", ylabel=typeset("largest error of ψ and η at the end"))
     for which in "xy":

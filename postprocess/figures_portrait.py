@@ -53,11 +53,11 @@ def draw_nullclines(picture, axes, file, uniform=True):
                 picture.label(axes, "η steady", line)
             else:
                 line = axes.axvline(v, **REFERENCE)
-                picture.label(axes, "η steady: ψ = v" if uniform else "ψ = v", [v, v], axes.get_ylim(), GREY)
+                picture.label(axes, "η steady: ψ = v" if uniform else "ψ = v", [v, v], axes.get_ylim(), GREY, drawn=line)
     if "steady_eta" in file.attrs:
         stable, at = bool(file.attrs["steady_stable"]), (float(file.attrs["v"]), float(file.attrs["steady_eta"]))
-        axes.plot(*at, "o", ms=6, mec=BLACK, mfc=BLACK if stable else "w", ls="none", zorder=5)
-        picture.label(axes, f"sliding, {'' if stable else 'un'}stable", *at)
+        mark, = axes.plot(*at, "o", ms=6, mec=BLACK, mfc=BLACK if stable else "w", ls="none", zorder=5)
+        picture.label(axes, f"sliding, {'' if stable else 'un'}stable", *at, drawn=mark)
 
 
 def draw_loop(portrait, loop, words, before=None):

@@ -5,7 +5,9 @@ runs through it. Of the free places beside a curve that with the most room is ta
 none is free, one further away with a thin line to what is meant; and where there is none either, a key below the axes."""
 import numpy as np
 from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
 STEP = 3    # pixels between places that are tried
 CLEAR = 4   # pixels between words and whatever is drawn
@@ -29,17 +31,17 @@ class Placing:
     def finish(self):
         """Lays the figure out and places what was asked for, in that order."""
         asked, self.asked = self.asked, []
+        self.figure.draw_without_rendering()
+        for axes in self.figure.axes:
+            thin_ticks(axes)
         if not asked:
             return
-        self.figure.draw_without_rendering()
         placed, left = self.place(asked)
         if left:  # once more, with a key for them
             for text in placed:
                 text.remove()
             for axes in {id(one["axes"]): one["axes"] for one in left}.values():
-                handles = [self.handle(one) for one in left if one["axes"] is axes]
-                axes.legend(handles, [one["words"] for one in left if one["axes"] is axes], loc="upper center",
-                            bbox_to_anchor=(0.5, 0), borderaxespad=3.6, ncols=min(3, len(handles)))
+                self.key(axes, [one for one in left if one["axes"] is axes])
             self.figure.draw_without_rendering()
             keyed = {id(one) for one in left}
             self.place([one for one in asked if id(one) not in keyed])
@@ -47,7 +49,21 @@ class Placing:
 
     @staticmethod
     def handle(one):
-        return one["line"] if one["line"] is not None else Patch(fc=one["colour"], ec="none")
+        if one["line"] is not None:
+            return one["line"]
+        if "points" not in one:
+            return Patch(fc=one["colour"], ec="none")
+        alone = len(one["points"]) == 1
+        return Line2D([], [], color=one["colour"], ls="none" if alone else "-", marker="o" if alone else None)
+
+    @classmethod
+    def key(cls, axes, left):
+        """A key below the axes, in as many columns as are not wider than these."""
+        handles, words = [cls.handle(one) for one in left], [one["words"] for one in left]
+        for columns in range(min(3, len(left)), 0, -1):
+            key = axes.legend(handles, words, loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=3.6, ncols=columns)
+            if key.get_window_extent().width <= axes.bbox.width:
+                break
 
     def place(self, asked):
         taken = Taken(self.figure)
@@ -86,6 +102,21 @@ class Placing:
                                  scalex=False, scaley=False, label="_leader")
         line.set_in_layout(False)
         return line
+
+
+def thin_ticks(axes):
+    """Fewer ticks below the axes, until the numbers at them do not touch."""
+    axis = axes.xaxis
+    if not axes.axison or not isinstance(axis.get_major_locator(), (AutoLocator, MaxNLocator)):
+        return
+    for most in range(6, 1, -1):
+        low, high = sorted(axes.get_xlim())
+        boxes = [tick.label1.get_window_extent() for tick in axis.get_major_ticks()
+                 if low <= tick.get_loc() <= high and tick.label1.get_visible() and tick.label1.get_text()]
+        if all(after.x0 - before.x1 > CLEAR for before, after in zip(boxes, boxes[1:])):
+            break
+        axis.set_major_locator(MaxNLocator(most))
+        axes.figure.draw_without_rendering()
 
 
 class Taken:

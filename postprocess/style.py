@@ -81,7 +81,7 @@ NAMES = {"psi": "slip velocity", "eta": "spring force", "tau": "contact strength
          "t": "time", "x": "place", "period": "period", "speed": "wave speed", "length": "length of the ring",
          "wave_speed": "wave speed", "wave_length": "length of the ring", "amplitude": "amplitude of", "growth_rate": "growth rate",
          "frequency": "frequency", "k": "wavenumber", "F": "friction over its amplitude", "slip": "slip", "z": "deflection",
-         "grid_n": "number of nodes", "grid_length": "length of the medium"}
+         "init_pulses": "number of pulses", "grid_n": "number of nodes", "grid_length": "length of the medium"}
 SYMBOLS = {**SYMBOL, **GREEK, "period": "T", "speed": "V", "wave_speed": "V", "length": "L", "wave_length": "L", "amplitude": "ψ",
            "growth_rate": "Re λ", "frequency": "Im λ", "F": "F", "grid_n": "n", "grid_length": "L", "slip": "s",
            **{name: name for name in ("t", "x", "k", "z")}}
@@ -146,8 +146,9 @@ class Picture(Figure):
         (axes.set_title if axes else self.suptitle)(typeset(lines), **settings)
 
     def label(self, axes, words, x, y=None, colour=None, **settings):
-        """Words beside a curve (a line, or places of the data): where=0 to 1 says where along it they would stand best."""
-        line = None
+        """Words beside a curve (a line, or places of the data): where=0 to 1 says where along it they would stand best; drawn
+        is the line that is meant, for the key where they find no place."""
+        line = settings.pop("drawn", None)
         if y is None:
             line, (x, y) = x, x.get_data()
             colour = colour or line.get_color()
@@ -196,6 +197,12 @@ def draw_branch(axes, x, y, stable, **style):
 
 def stability_words(stable):
     """What a title says of the lines of a branch; this is said once in a picture."""
-    known = np.isfinite(stable)
-    return ", ".join(([STABILITY] if known.any() else []) + ([] if known.all() else ["thin: stability not known"]))
+    known, unstable = np.isfinite(stable), np.asarray(stable) == 0
+    if not known.any():
+        words = []
+    elif unstable.any():
+        words = ["dashed: unstable"] if unstable[known].all() else [STABILITY]
+    else:
+        words = ["all of the branch is stable"]
+    return ", ".join(words + ([] if known.all() else ["thin: stability not known"]))
 

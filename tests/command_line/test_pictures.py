@@ -36,13 +36,17 @@ FILES = {
             "-sweep_from2 0.1 -sweep_to2 1 -sweep_points2 3"),
     "chart": ("chart", "-grid_n 32 -grid_length 8 -ts_max_time 2 -init_type sine -chart_methods rk:3bs,rk:5dp -chart_repeats 1 "
               "-chart_tolerances 1e-3,1e-5 -chart_orders 4 -chart_grids 32"),
+    "many": ("chart", "-grid_n 16 -grid_length 8 -ts_max_time 1 -init_type sine -chart_repeats 1 -chart_tolerances 1e-3,1e-5 "
+             "-chart_orders 4 -chart_grids 16 -chart_row_seconds 0.1 -chart_methods rk:3bs,rk:5dp,rk:7vr,rk:8vr,rk:4,rk:5f,ssp:rks2,"
+             "arkimex:3:both,arkimex:4:friction,arkimex:4:wave,rosw:ra34pw2,bdf,theta,cn,beuler,euler"),
+    "squeal": ("cycle", scene_file("brake") + " -cycle_continue model_v -cycle_to 1 -cycle_steps 6"),
     "limits": ("chart", "-chart_kind limits -grid_n 16 -grid_length 8 -ts_max_time 20 -chart_methods rk:4,cn"),
     "fit": ("fit", scene_file("fit-steps"))}
-ALWAYS = ["ring", "ring --phase", "lyapunov --lyapunov", "hold --lab", "wave", "cycle", "diagram", "sweep cycle", "chart", "limits",
-          "limits --fails", "laws"]
+ALWAYS = ["ring", "ring --phase", "lyapunov --lyapunov", "hold --lab", "wave", "cycle", "squeal", "diagram", "sweep cycle", "chart",
+          "many", "limits", "limits --fails", "laws"]
 PICTURES = ["ring", "ring --profile", "ring --phase", "ring --probes", "ring --series", "ring other", "block", "lyapunov --lyapunov",
-            "steps --lab", "hold --lab", "healing --lab", "spectrum", "wave", "laws", "cycle", "line", "diagram", "sweep", "sweep cycle",
-            "map", "chart", "limits", "limits --fails", "fit"]
+            "steps --lab", "hold --lab", "healing --lab", "spectrum", "wave", "laws", "cycle", "squeal", "line", "diagram", "sweep",
+            "sweep cycle", "map", "chart", "many", "limits", "limits --fails", "fit"]
 
 
 def wanted(config):
@@ -108,6 +112,10 @@ def test_labels(pictures, words):
     sizes = {text.get_size() for text in texts}
     check(sizes == {style.OWN["font.size"]}, f"sizes of type: {sizes}")
     boxes = [text.get_window_extent() for text in texts]
+    for axes in picture.axes:
+        ticks = [tick.label1 for tick in axes.xaxis.get_major_ticks() if id(tick.label1) not in unseen and tick.label1.get_text()]
+        spans = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in ticks if label.get_visible()))
+        check(not axes.axison or all(a[1] < b[0] for a, b in zip(spans, spans[1:])), f"numbers at ticks touch: {spans}")
     for text, box in zip(texts, boxes):
         inside = box.x0 >= -1 and box.y0 >= -1 and box.x1 <= picture.bbox.x1 + 1 and box.y1 <= picture.bbox.y1 + 1
         check(inside, f"'{text.get_text()}' is cropped: {box}")
@@ -166,6 +174,25 @@ def test_limits_are_two_pictures(pictures):
     right, fails = pictures["limits"], pictures["limits --fails"]
     check("right" in right._suptitle.get_text() and "fail" in fails._suptitle.get_text(), "which is which")
     check(len(right.axes[0].patches) == 2 and len(fails.axes[0].patches) == 0, "bars of steps that are right alone")
+
+
+def test_a_method_looks_the_same_in_every_chart(pictures):
+    """And in each chart of runs/ two methods differ, by colour or by mark."""
+    import glob
+    import re
+    from figures_chart import look
+    drawn = {line.get_label(): (line.get_color(), line.get_marker()) for words in ("chart", "many")
+             for line in pictures[words].axes[0].lines if line.get_label() in ("rk:3bs", "rk:5dp")}
+    check(drawn == {name: tuple(look(name).values()) for name in ("rk:3bs", "rk:5dp")}, str(drawn))
+    charts = 0
+    for path in glob.glob(os.path.join(SOURCE, "runs", "chart-*.yaml")):
+        with open(path, encoding="utf-8") as file:
+            listed = re.search(r"methods: \[(.*?)\]", file.read(), re.DOTALL)
+        methods = [name.strip(' "') for name in listed[1].split(",")]
+        looks = {(lambda parts: tuple(look(":".join(parts[:2]), *parts[2:]).values()))(name.split(":")) for name in methods}
+        check(len(looks) == len(methods), f"{path}: {looks}")
+        charts += 1
+    check(charts >= 7, "charts of runs/")
 
 
 def test_each_law_has_a_panel(pictures):
