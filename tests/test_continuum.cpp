@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "catch.hpp"
-#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 using namespace stickslip;

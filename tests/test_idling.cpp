@@ -10,8 +10,8 @@
 #include "base/pulse.hpp"
 #include "catch.hpp"
 #include "model/stick_rule.hpp"
-#include "numerics/first_rise.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 using namespace stickslip;
 

@@ -6,11 +6,10 @@
 #include "catch.hpp"
 #include "model/dispatch.hpp"
 #include "model/implicit_kernel.hpp"
-#include "numerics/imex_tableau.hpp"
+#include "numerics/tableau.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/band.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
@@ -115,9 +114,6 @@ double norm(Vec v) {
   return value;
 }
 
-}  // namespace
-
-namespace {
 
 std::unique_ptr<StepTaker> step_of(const Model& model, const StageProgram& t, Implicit implicit) {
   const bool sticks = Stick::applies_to(model.scene());

@@ -6,9 +6,9 @@
 #include "shared.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/archive.hpp"
-#include "stickslip/stability/growth_average.hpp"
 #include "stickslip/stability/tangents.hpp"
 #include "stickslip/time/time.hpp"
+#include "study/lyapunov.hpp"
 
 using namespace stickslip;
 

@@ -1,13 +1,13 @@
 // The semi-discrete system: stencils and ends, halo over ranks, Jacobians, spread.
 #include <cmath>
 
+#include "base/broadcast.hpp"
 #include "catch.hpp"
 #include "shared.hpp"
-#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/numerics/direct_ksp.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 using namespace stickslip;
 

@@ -1,12 +1,11 @@
 #include <cmath>
 
 #include "catch.hpp"
+#include "cycles/stick_motion.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/collocation.hpp"
-#include "stickslip/numerics/extrapolation.hpp"
-#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/numerics/collocation.hpp"
 
 using namespace stickslip;
 

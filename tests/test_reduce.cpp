@@ -6,7 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/stencil.hpp"
-#include "stickslip/stability/steady_sliding.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"

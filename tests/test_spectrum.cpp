@@ -9,9 +9,9 @@
 #include <random>
 
 #include "catch.hpp"
+#include "stability/argument_principle.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/stability/argument_principle.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
 using namespace stickslip;

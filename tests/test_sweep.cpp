@@ -4,8 +4,7 @@
 #include <unordered_map>
 
 #include "catch.hpp"
-#include "stickslip/numerics/change_search.hpp"
-#include "stickslip/numerics/sobol.hpp"
+#include "stickslip/numerics/sampling.hpp"
 
 using namespace stickslip;
 

@@ -8,7 +8,7 @@
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/output/displacement.hpp"
 
 using namespace stickslip;

@@ -4,9 +4,9 @@
 
 #include "catch.hpp"
 #include "commands/wave_options.hpp"
-#include "numerics/cyclic.hpp"
+#include "numerics/condensed_period.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/waves/branch.hpp"
+#include "stickslip/waves/train.hpp"
 #include "waves/train_field.hpp"
 
 using namespace stickslip;

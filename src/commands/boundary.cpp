@@ -10,7 +10,7 @@
 #include "commands/table.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/regime.hpp"

@@ -5,8 +5,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/study/start.hpp"

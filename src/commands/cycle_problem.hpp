@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/cycles/bloch.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/options/options.hpp"
 

@@ -19,7 +19,7 @@
 #include "output/rest_fraction.hpp"
 #include "output/series.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/accuracy.hpp"

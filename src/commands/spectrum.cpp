@@ -10,8 +10,8 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/spectrum.hpp"
-#include "stickslip/stability/uniform_states.hpp"
 
 namespace stickslip {
 

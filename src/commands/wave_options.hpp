@@ -2,7 +2,7 @@
 #pragma once
 
 #include "stickslip/options/options.hpp"
-#include "stickslip/waves/branch.hpp"
+#include "stickslip/waves/train.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {

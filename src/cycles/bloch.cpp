@@ -8,7 +8,7 @@
 // the real axis and part along it, which opens a band of growth beside a resonance. Between two samples that
 // both show a pair beside the real axis it is looked for by the distance of the pair, squared, which passes
 // through their meeting smoothly. Local to the process.
-#include "stickslip/cycles/bloch.hpp"
+#include "stickslip/cycles/cycle.hpp"
 
 #include <algorithm>
 #include <cmath>

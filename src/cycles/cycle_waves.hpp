@@ -7,9 +7,8 @@
 #include <vector>
 
 #include "cycles/cell_field.hpp"
-#include "cycles/propagator.hpp"
-#include "cycles/stick_return_map.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "cycles/stick_motion.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {

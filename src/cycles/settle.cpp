@@ -7,16 +7,15 @@
 #include <limits>
 #include <optional>
 
-#include "base/local_values.hpp"
 #include "base/budget.hpp"
+#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/settle.hpp"
-#include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/roots.hpp"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 
 #include <algorithm>
 #include <cmath>

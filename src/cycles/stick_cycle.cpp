@@ -1,4 +1,4 @@
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,11 +9,11 @@
 
 #include "base/pulse.hpp"
 #include "cycles/settle.hpp"
-#include "cycles/stick_return_map.hpp"
+#include "cycles/stick_motion.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

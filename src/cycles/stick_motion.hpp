@@ -1,8 +1,106 @@
+// The motion of a cell whose nodes stick: its steps, its course from change to change, and its return map.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/idling.hpp"
+#include "model/right_hand_side.hpp"
+#include "model/stick_rule.hpp"
+#include "stickslip/cycles/cycle.hpp"
+#include "stickslip/model/frictions.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scales.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+// Steps of y' = f(y) of order 12 by extrapolation of the midpoint rule, for smooth problems that are not
+// stiff and answers to nearly round-off. Local to the process.
+//
+// In a step of length h the midpoint rule with n = 2, 4, ..., 12 parts has an error in even powers of h/n;
+// the polynomial in (h/n)^2 through the six results is taken at 0. The error estimate is its difference from
+// that through the last five, of order 10. 36 evaluations of f a step beside that at its start.
+//
+// Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, Springer 1993,
+// section II.9.
+class Extrapolation {
+ public:
+  // Results of unknowns 0..size-1; the first `controlled` count in the error estimate.
+  explicit Extrapolation(std::size_t size)
+      : size_(size), columns_(parts * size), a_(size), b_(size), f_(size) {}
+
+  // `into` becomes y after h; f(y, rates) is the right-hand side, f0 its value at y. Returns the largest
+  // error estimate of an unknown over `tolerance` (scale + |y|), its scale that of the list: at most 1 is
+  // within it; not finite where f is not.
+  template <class F>
+  double step(F&& f, const double* y, const double* f0, double h, std::size_t controlled, double tolerance,
+              const double* scales, double* into) {
+    for (int j = 0; j < parts; ++j) {
+      double* const result = &columns_[j * size_];
+      midpoint(f, y, f0, h, 2 * (j + 1), result);
+    }
+    // Aitken and Neville: column j becomes the value of the polynomial through results 0..j.
+    double error = 0;
+    for (std::size_t k = 0; k < size_; ++k) {
+      double t[parts];
+      for (int j = 0; j < parts; ++j) t[j] = columns_[j * size_ + k];
+      double before = t[parts - 1];
+      for (int level = 1; level < parts; ++level) {
+        before = t[parts - 1];
+        for (int j = parts - 1; j >= level; --j) {
+          const double ratio = double(j + 1) / double(j + 1 - level);
+          t[j] += (t[j] - t[j - 1]) / (ratio * ratio - 1);
+        }
+      }
+      into[k] = t[parts - 1];
+      if (k < controlled)
+        error = worse(error, std::abs(t[parts - 1] - before) / (tolerance * (scales[k] + std::abs(y[k]))));
+    }
+    return error;
+  }
+
+  // The length of the next step, by that of this one and its error.
+  static double next(double h, double error) {
+    if (!std::isfinite(error)) return h / 8;
+    return h * std::clamp(0.8 * std::pow(std::max(error, 1e-30), -1. / 11), 0.125, 4.);
+  }
+
+ private:
+  static constexpr int parts = 6;
+  // NaN is worst, and stays
+  static double worse(double a, double b) { return b <= a || std::isnan(a) ? a : b; }
+
+  template <class F>
+  void midpoint(F&& f, const double* y, const double* f0, double h, int n, double* result) {
+    const double part = h / n;
+    std::copy(y, y + size_, a_.begin());
+    for (std::size_t k = 0; k < size_; ++k) b_[k] = y[k] + part * f0[k];
+    for (int i = 1; i < n; ++i) {
+      f(b_.data(), f_.data());
+      for (std::size_t k = 0; k < size_; ++k) a_[k] += 2 * part * f_[k];
+      std::swap(a_, b_);
+    }
+    std::copy(b_.begin(), b_.end(), result);
+  }
+
+  std::size_t size_;
+  std::vector<double> columns_, a_, b_, f_;
+};
+
 // The motion of a few nodes whose friction sticks, from change to change to nearly round-off, with its
 // deviations.
 //
 // A change is a start or a stop of a node. Between changes every node has a direction (1, -1, or 0 at rest)
-// and the right-hand side is smooth: it is integrated at order 12 (numerics/extrapolation.hpp), and the
+// and the right-hand side is smooth: it is integrated at order 12 (Extrapolation above), and the
 // change is where the last step, made of the length for it, ends. While every node rests eta is linear in
 // time and the state known in closed form. The rules of starts and stops are those of runs (time/stick.hpp).
 //
@@ -16,25 +114,6 @@
 //
 // Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the
 // state as in Model; times in the unit of time.
-#pragma once
-
-#include <functional>
-#include <limits>
-#include <memory>
-#include <vector>
-
-#include "base/idling.hpp"
-#include "model/right_hand_side.hpp"
-#include "model/stick_rule.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
-#include "stickslip/model/frictions.hpp"
-#include "stickslip/model/linear_point.hpp"
-#include "stickslip/model/scales.hpp"
-#include "stickslip/model/scene.hpp"
-#include "stickslip/model/stencil.hpp"
-#include "stickslip/numerics/extrapolation.hpp"
-
-namespace stickslip {
 
 // A node starts (direction 1 or -1 after it, 0 before), stops (0 after) or turns back.
 struct Change {
@@ -176,5 +255,65 @@ class StickMotion {
   std::vector<Combination> halo_, d2_;
   mutable Extrapolation method_, method_with_deviations_;
 };
+
+// The return map of friction that sticks and its fixed points; see cycle.hpp.
+
+// One time round: from a release to as many releases later as `from.releases` says.
+struct StickReturnMap {
+  StickState at;  // right after that release, with the deviations that were asked for
+  double period = 0;
+  std::string sequence;
+  double depth = 0, clearance = 0;  // see StickCycle; depth with `turns`
+  double excess = 0;                // see StickState
+  std::vector<Rest> rests;
+};
+struct StickReturnMapOptions {
+  std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
+  bool turns = false;
+  StickMotion::Passed passed = nullptr;
+  // Is called right after the release with the directions as they are, and at each change with those before
+  // it.
+  std::function<void(const std::vector<double>& was, const StickState& now)> changed = nullptr;
+};
+
+// Under a load: from its section on, over its periods.
+//
+// From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start
+// there, or the motion does not come back.
+StickReturnMap return_map_of(const StickMotion& motion, const StickCycle& from,
+                             const StickReturnMapOptions& wishes);
+
+// The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
+// eta of the node that is released (under a load, all but psi of those that rest there).
+std::vector<std::size_t> free_unknowns(const StickMotion& motion, const StickCycle& cycle);
+std::vector<double> free_values(const StickMotion& motion, const StickCycle& cycle);
+void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
+
+// The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as
+// return_map_of().
+struct MapAt {
+  StickReturnMap round;
+  std::vector<double> image, slopes;
+};
+MapAt map_at(const StickMotion& motion, const StickCycle& cycle);
+// Sets what is known of a cycle whose start is a fixed point.
+void close_cycle(const StickMotion& motion, StickCycle& cycle);
+
+// The fixed point near a guess, by Newton's method. Throws Failure.
+StickCycle polished(const StickMotion& motion, const StickCycle& guess);
+
+// The places of the unknowns of nodes that are not held.
+std::vector<std::size_t> moving_unknowns(const StickMotion& motion);
+// The matrix that takes deviations of those right after the release round the cycle, column by column.
+std::vector<double> monodromy_matrix(const StickMotion& motion, const StickCycle& cycle);
+
+// Its eigenvalues, largest modulus first.
+std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map);
+// The cycle near what a motion has come to: made exact, and the shorter one where it has repeated within its
+// releases (its periods of the load), as it seems to beside a doubling. Nothing where it is far from there;
+// throws Failure as polished().
+std::optional<StickCycle> cycle_near(const StickMotion& motion, const StickCycle& near);
+// Of the deviation that grows most, or of that along the motion, which stays: the logarithm.
+double growth_in_period(const StickMotion& motion, const StickCycle& cycle);
 
 }  // namespace stickslip

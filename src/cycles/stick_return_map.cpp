@@ -1,4 +1,4 @@
-#include "cycles/stick_return_map.hpp"
+#include "cycles/stick_motion.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include "base/pulse.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

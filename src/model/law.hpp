@@ -9,7 +9,7 @@
 // and, where it drops as motion begins, double threshold() const, which holds a node at rest; otherwise phi
 // at rest does. A law whose friction is no product of phi and a factor of the state says `takes_state = true`
 // and gives PartialsOf<Real> partials(Real psi, Real s) const in place of phi. Real is double, or a number
-// that carries derivatives (numerics/jet.hpp): higher derivatives come from the formulas as they stand. So
+// that carries derivatives (numerics/elementary.hpp): higher ones come from the formulas as they stand. So
 // functions of it are called as `using std::exp; exp(psi)`, or `using elementary::exp`: then the loops over
 // nodes become vector code (numerics/elementary.hpp), so long as the formula has no branch either
 // (where_less() there). A state law is a class with name; symbol, unit and meaning of the state as files show
@@ -40,7 +40,6 @@
 #include <vector>
 
 #include "numerics/elementary.hpp"
-#include "numerics/jet.hpp"
 #include "stickslip/model/friction.hpp"
 
 namespace stickslip {

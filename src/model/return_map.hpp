@@ -11,7 +11,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/numerics/collocation.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/first_rise.hpp"
-#include "numerics/hermite.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

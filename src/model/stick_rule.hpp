@@ -10,8 +10,6 @@
 #include <limits>
 #include <vector>
 
-#include "numerics/first_rise.hpp"
-#include "numerics/hermite.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"

@@ -6,10 +6,9 @@
 #include <limits>
 
 #include "base/pulse.hpp"
-#include "numerics/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -1,3 +1,13 @@
+// What loops over nodes are made of: functions without branches, numbers that carry derivatives, lanes.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+namespace stickslip::elementary {
+
 // exp, expm1, log, log1p and tanh without branches, tables or calls, of + - * / and moves of bits alone: the
 // compiler makes vector code of a loop over them, and a value has the same bits in any loop, of any vector
 // length, on any processor (no library's vector versions promise that). Errors, in units of the last place,
@@ -6,14 +16,6 @@
 //
 // Each reduces its argument to a small one by a power of 2 and takes a polynomial there: coefficients are
 // those of interpolation at Chebyshev's points, of a relative error of the function below 2e-17.
-#pragma once
-
-#include <cstdint>
-#include <cstring>
-#include <limits>
-
-namespace stickslip::elementary {
-
 inline std::uint64_t bits_of(double x) {
   std::uint64_t bits;
   std::memcpy(&bits, &x, sizeof bits);
@@ -136,3 +138,102 @@ inline double log1p(double x) {
 }
 
 }  // namespace stickslip::elementary
+
+namespace stickslip {
+
+// Truncated Taylor series in two variables: a number that carries its first and second derivatives in (x, y),
+// so that a formula written for any number type gives its derivatives with it (forward automatic
+// differentiation; A. Griewank and A. Walther, Evaluating Derivatives, SIAM 2008, chapter 13). Local.
+struct Jet {
+  double value = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+
+  Jet() = default;
+  Jet(double constant) : value(constant) {}
+  Jet(double v, double dx, double dy, double dxx, double dxy, double dyy)
+      : value(v), x(dx), y(dy), xx(dxx), xy(dxy), yy(dyy) {}
+  static Jet of_x(double value) { return {value, 1, 0, 0, 0, 0}; }
+  static Jet of_y(double value) { return {value, 0, 1, 0, 0, 0}; }
+};
+
+// f(a) with f, f' and f'' at a.value.
+inline Jet compose(const Jet& a, double f, double f1, double f2) {
+  return {f,
+          f1 * a.x,
+          f1 * a.y,
+          f1 * a.xx + f2 * a.x * a.x,
+          f1 * a.xy + f2 * a.x * a.y,
+          f1 * a.yy + f2 * a.y * a.y};
+}
+
+inline Jet operator-(const Jet& a) { return {-a.value, -a.x, -a.y, -a.xx, -a.xy, -a.yy}; }
+inline Jet operator+(const Jet& a, const Jet& b) {
+  return {a.value + b.value, a.x + b.x, a.y + b.y, a.xx + b.xx, a.xy + b.xy, a.yy + b.yy};
+}
+inline Jet operator-(const Jet& a, const Jet& b) { return a + -b; }
+inline Jet operator*(const Jet& a, const Jet& b) {
+  return {a.value * b.value,
+          a.x * b.value + a.value * b.x,
+          a.y * b.value + a.value * b.y,
+          a.xx * b.value + 2 * a.x * b.x + a.value * b.xx,
+          a.xy * b.value + a.x * b.y + a.y * b.x + a.value * b.xy,
+          a.yy * b.value + 2 * a.y * b.y + a.value * b.yy};
+}
+inline Jet operator/(const Jet& a, const Jet& b) {
+  const double w = 1 / b.value;
+  return a * compose(b, w, -w * w, 2 * w * w * w);
+}
+
+// Comparisons go by the value: a branch of a formula is that of the point.
+inline bool operator<(const Jet& a, const Jet& b) { return a.value < b.value; }
+inline bool operator>(const Jet& a, const Jet& b) { return a.value > b.value; }
+inline bool operator<=(const Jet& a, const Jet& b) { return a.value <= b.value; }
+inline bool operator>=(const Jet& a, const Jet& b) { return a.value >= b.value; }
+inline bool operator==(const Jet& a, const Jet& b) { return a.value == b.value; }
+inline bool operator!=(const Jet& a, const Jet& b) { return a.value != b.value; }
+
+inline Jet abs(const Jet& a) { return a.value < 0 ? -a : a; }
+inline Jet exp(const Jet& a) {
+  const double e = std::exp(a.value);
+  return compose(a, e, e, e);
+}
+inline Jet log(const Jet& a) {
+  const double w = 1 / a.value;
+  return compose(a, std::log(a.value), w, -w * w);
+}
+inline Jet log1p(const Jet& a) {
+  const double w = 1 / (1 + a.value);
+  return compose(a, std::log1p(a.value), w, -w * w);
+}
+inline Jet sqrt(const Jet& a) {
+  const double root = std::sqrt(a.value), slope = 0.5 / root;
+  return compose(a, root, slope, -slope / (2 * a.value));
+}
+inline Jet tanh(const Jet& a) {
+  const double t = std::tanh(a.value), slope = 1 - t * t;
+  return compose(a, t, slope, -2 * t * slope);
+}
+inline Jet asinh(const Jet& a) {
+  const double w = 1 / std::sqrt(1 + a.value * a.value);
+  return compose(a, std::asinh(a.value), w, -a.value * w * w * w);
+}
+
+}  // namespace stickslip
+
+namespace stickslip::kernel {
+
+// Eight numbers at once, one in each lane of a vector: what is written once for them is done in registers of
+// any width, lane by lane in the same order, so that each lane has the same bits whatever instructions run.
+constexpr int lanes = 8;
+
+// Eight values, as they lie among others. Clang takes what a reference leads to for aligned whatever the type
+// says: so memory is spoken of by pointers, and values have a type of their own there.
+typedef double LanesInMemory __attribute__((vector_size(64), aligned(8), may_alias));
+#if defined(__clang__)
+typedef double Lanes __attribute__((vector_size(64)));
+#else
+typedef LanesInMemory Lanes;
+#endif
+inline const LanesInMemory* lanes_at(const double* a) { return reinterpret_cast<const LanesInMemory*>(a); }
+inline LanesInMemory* lanes_at(double* a) { return reinterpret_cast<LanesInMemory*>(a); }
+
+}  // namespace stickslip::kernel

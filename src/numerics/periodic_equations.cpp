@@ -5,12 +5,11 @@
 
 #include "base/budget.hpp"
 #include "base/pulse.hpp"
-#include "numerics/beside.hpp"
 #include "numerics/condensed_period.hpp"
-#include "numerics/cyclic.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/continuation.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

@@ -9,7 +9,7 @@
 #include "model/moved_nodes.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/numerics/direct_ksp.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

@@ -8,7 +8,7 @@
 
 #include "base/json_values.hpp"
 #include "output/forward.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

@@ -13,7 +13,7 @@
 #include "base/local_values.hpp"
 #include "output/forward.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {

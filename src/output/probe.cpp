@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 
 namespace stickslip {
 

@@ -8,9 +8,9 @@
 #include <optional>
 #include <vector>
 
-#include "numerics/hermite.hpp"
 #include "output/node_halo.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "stickslip/stability/criticality.hpp"
+#include "stickslip/stability/boundary.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -10,9 +10,7 @@
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
-#include "stickslip/stability/uniform_states.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "stickslip/stability/growth_rate.hpp"
+#include "stickslip/stability/boundary.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -299,7 +299,7 @@ std::optional<GrowthRate> GrowthRate::finer() const {
 
 namespace {
 
-constexpr double sampled[] = {0, 0.25, 0.5, 0.75, 1};  // of each axis, where the box is looked at as a whole
+constexpr double parts[] = {0, 0.25, 0.5, 0.75, 1};  // of each axis, where the box is looked at as a whole
 
 // The growth rate and frequency that a medium with the mean coefficients has on this grid.
 Complex mean_growth(const LinearisedOperator& s) {
@@ -328,8 +328,8 @@ double intervals_needed(const Scene& s) {
 // false, too, where no place of the box needs a grid at all.
 bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
   bool needed = false;
-  for (const double x : sampled)
-    for (const double y : sampled) {
+  for (const double x : parts)
+    for (const double y : parts) {
       const auto a = linearised(x, y), b = coarse.linearised(x, y);
       if (!a || !b || all_known(*a, settings_.refine)) continue;
       needed = true;
@@ -344,8 +344,8 @@ std::optional<GrowthRate> GrowthRate::reduced() const {
   if (!settings_.refine) return std::nullopt;  // another grid has other modes of its own
   double intervals = 0;
   PetscInt n = 0;
-  for (const double x : sampled)
-    for (const double y : sampled) {
+  for (const double x : parts)
+    for (const double y : parts) {
       const Scene s = scene(x, y);
       n = s.n;
       intervals = std::max(intervals, intervals_needed(s));

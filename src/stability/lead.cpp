@@ -1,4 +1,4 @@
-#include "stickslip/stability/lead.hpp"
+#include "stickslip/stability/boundary.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
 namespace stickslip {

@@ -19,8 +19,7 @@
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
-#include "stickslip/numerics/dense.hpp"
-#include "stickslip/stability/continuum.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {

@@ -1,4 +1,4 @@
-#include "stickslip/stability/steady_sliding.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,6 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
-#include "stickslip/stability/coupling.hpp"
 
 namespace stickslip {
 

@@ -7,7 +7,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "numerics/imex_tableau.hpp"
+#include "numerics/tableau.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {

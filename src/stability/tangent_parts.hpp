@@ -14,7 +14,7 @@
 
 #include <Eigen/LU>
 
-#include "numerics/stage_program.hpp"
+#include "numerics/tableau.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/model.hpp"
 

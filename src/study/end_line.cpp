@@ -5,7 +5,7 @@
 
 #include "base/budget.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 
 namespace stickslip {
 

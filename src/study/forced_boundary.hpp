@@ -1,4 +1,4 @@
-// Where sliding under a load that repeats (cycles/smooth_cycle.hpp) loses stability, in one parameter or two:
+// Where sliding under a load that repeats (cycles/cycle.hpp) loses stability, in one parameter or two:
 // the zeros of its largest growth rate ln|multiplier| over one period, and with friction that sticks the
 // places where it comes to a stop.
 //
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/boundary.hpp"
 

@@ -1,4 +1,4 @@
-#include "study/graze_end.hpp"
+#include "study/end_line.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -9,9 +9,9 @@
 #include <set>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/scales.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
 

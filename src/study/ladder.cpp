@@ -11,7 +11,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"

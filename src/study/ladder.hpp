@@ -126,7 +126,6 @@ class SceneAtStart {
   bool reduces_;
 };
 
-
 // The accuracy cannot be had: why. Within -accuracy alone.
 struct OutOfReach {
   std::string why;

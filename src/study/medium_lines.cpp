@@ -7,11 +7,10 @@
 #include "base/pulse.hpp"
 #include "cycles/cycle_waves.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/numerics/level_curve.hpp"
-#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/boundary.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {

@@ -18,7 +18,7 @@
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/collocation.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/reader.hpp"

@@ -13,9 +13,9 @@
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/stability/boundary.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
-#include "stickslip/stability/growth_rate.hpp"
-#include "stickslip/stability/steady_sliding.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 #include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
 

@@ -12,8 +12,7 @@
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
-#include "stickslip/numerics/dense.hpp"
-#include "stickslip/numerics/direct_ksp.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "time/methods.hpp"
 

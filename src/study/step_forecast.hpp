@@ -19,12 +19,12 @@
 #include <string>
 #include <vector>
 
+#include "numerics/tableau.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/linear_point.hpp"
-#include "stickslip/numerics/band.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/time.hpp"
-#include "numerics/stage_program.hpp"
 
 namespace stickslip {
 

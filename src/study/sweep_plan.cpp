@@ -8,7 +8,7 @@
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/numerics/sobol.hpp"
+#include "stickslip/numerics/sampling.hpp"
 #include "stickslip/options/library_options.hpp"
 
 namespace stickslip {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/numerics/change_search.hpp"
+#include "stickslip/numerics/sampling.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "cycles/cycle_waves.hpp"
-#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/study/reduce.hpp"
 

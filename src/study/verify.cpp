@@ -6,7 +6,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/level_curve.hpp"

@@ -16,7 +16,7 @@
 
 #include "model/kernel.hpp"
 #include "model/loops.hpp"
-#include "numerics/stage_program.hpp"
+#include "numerics/tableau.hpp"
 #include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/time.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/broadcast.hpp"
-#include "numerics/lanes.hpp"
+#include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {

@@ -5,7 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

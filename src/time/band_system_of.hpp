@@ -18,7 +18,7 @@
 
 #include <Eigen/Core>
 
-#include "numerics/lanes.hpp"
+#include "numerics/elementary.hpp"
 #include "time/band.hpp"
 
 namespace stickslip::kernel {

@@ -5,7 +5,7 @@
 
 #include "base/local_values.hpp"
 #include "model/right_hand_side.hpp"
-#include "numerics/lanes.hpp"
+#include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "model/stick_rule.hpp"
-#include "numerics/first_rise.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/stick.hpp"
 
 namespace stickslip {

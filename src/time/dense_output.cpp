@@ -9,7 +9,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {
 

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "base/failure.hpp"
-#include "numerics/imex_tableau.hpp"
+#include "numerics/tableau.hpp"
 #include "options/library_names.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"

@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "numerics/imex_tableau.hpp"
-#include "numerics/stage_program.hpp"
+#include "numerics/tableau.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/tiles.hpp"

@@ -8,7 +8,7 @@
 #include "base/local_values.hpp"
 #include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/direct_ksp.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/methods.hpp"
 #include "time/tiles.hpp"

@@ -19,7 +19,7 @@
 #include "base/local_values.hpp"
 #include "model/kernel.hpp"
 #include "model/loops.hpp"
-#include "numerics/stage_program.hpp"
+#include "numerics/tableau.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/node_fetch.hpp"
 #include "stickslip/model/model.hpp"

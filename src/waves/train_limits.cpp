@@ -9,7 +9,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "waves/train_sheet.hpp"
+#include "waves/train_field.hpp"
 
 namespace stickslip {
 

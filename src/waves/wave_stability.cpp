@@ -8,7 +8,7 @@
 #include <set>
 
 #include "stickslip/base/error.hpp"
-#include "waves/spectral_curves.hpp"
+#include "waves/spectral_line.hpp"
 
 namespace stickslip {
 

@@ -39,7 +39,7 @@
 
 namespace stickslip {
 
-// Of any number type: double, or one that carries derivatives (src/numerics/jet.hpp).
+// Of any number type: double, or one that carries derivatives (src/numerics/elementary.hpp).
 template <class Real>
 struct PartialsOf {
   Real F, F_psi, F_state;

@@ -20,10 +20,10 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/linear_point.hpp"
-#include "stickslip/model/scene.hpp"
 #include "stickslip/model/scales.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/collocation.hpp"
-#include "stickslip/numerics/periodic_mesh.hpp"
+#include "stickslip/numerics/periodic_equations.hpp"
 
 namespace stickslip {
 

@@ -1,3 +1,47 @@
+// Families of orbits in one parameter: differences by it, and branches that are followed.
+#pragma once
+
+#include <cmath>
+#include <complex>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
+
+namespace stickslip {
+
+// Values on both sides of a place, for differences.
+template <class Value>
+struct Beside {
+  Value below, above;
+  double width;  // between them
+};
+
+// Of f at `at` -+ eps. At an end of what its parameter may be, where it throws Refusal, the difference is
+// one-sided: `here` is f(at). Throws Failure where it is refused on either side.
+template <class Refusal, class Value, class Function>
+Beside<Value> beside_of(const Function& f, double at, double eps, const Value& here) {
+  double width = 0;
+  const auto value = [&](double by) -> Value {
+    try {
+      Value found = f(at + by);
+      width += std::abs(by);
+      return found;
+    } catch (const Refusal&) {
+      return here;
+    }
+  };
+  Value below = value(-eps), above = value(eps);
+  if (!(width > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(at, 12));
+  return {std::move(below), std::move(above), width};
+}
+
 // Pseudo-arclength continuation: the solutions of a family in one parameter as a curve that is followed round
 // folds, with the special points on the way. What solves for one of them, for the curve's tangent there, and
 // says what it is like, is a Family: cycles of smooth friction, cycles with rests, trains.
@@ -5,17 +49,6 @@
 // Source: H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977, 359-384; Yu. A.
 // Kuznetsov, Elements of Applied Bifurcation Theory, Springer 2004, sections 4.4, 5.3 and 10.2. Local to the
 // process.
-#pragma once
-
-#include <complex>
-#include <functional>
-#include <map>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
-
-namespace stickslip {
 
 // Coordinates that tell the solutions of a branch apart, each in units in which a change of 1 is large; the
 // parameter, over the length of its range, is the last.

@@ -236,4 +236,58 @@ std::vector<Sample> with_touching_zeros(F&& f, const std::vector<Sample>& sample
   return result;
 }
 
+// Where a function first comes up to zero, known with its slope. Nothing communicates.
+
+// A function of x with its slope.
+struct ValueAndSlope {
+  double x, value, slope;
+};
+
+// The first place from a.x to b.x at which f, a function from x to ValueAndSlope, is at least 0 and grows:
+// where f comes up to 0, of two neighbours the later one, or a place where it starts to grow being there.
+// Infinity where there is none. How far the slope changes in between is seen at both ends and the middle, to
+// a factor of two, and f lies so much beyond its values there at most; where that does not decide, the halves
+// are looked at. So no rise is missed, however short f stays there, if from a to b the slope turns no more
+// often than three values show. `tiny`: what f changes by round-off alone.
+template <class F>
+double first_rise(const F& f, const ValueAndSlope& a, const ValueAndSlope& b, double tiny) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const double width = b.x - a.x, middle = a.x + width / 2;
+  const ValueAndSlope m = f(middle);
+  const double turns = std::max(std::abs(m.slope - a.slope), std::abs(b.slope - m.slope));
+  if (std::max({a.value, m.value, b.value}) + width / 4 * turns < 0) return infinity;
+  if (std::max({a.slope, m.slope, b.slope}) <= -turns) return infinity;  // it falls throughout
+  const bool grows = std::min({a.slope, m.slope, b.slope}) > turns,
+             stands = width * (std::abs(m.slope) + turns) <= tiny || middle == a.x || middle == b.x;
+  if (grows || stands) {
+    if (b.value < 0 || !(b.slope > 0)) return infinity;
+    if (a.value >= 0) return a.slope > 0 ? a.x : b.x;
+    return std::nextafter(last_place([&](double x) { return f(x).value < 0; }, a.x, b.x), infinity);
+  }
+  const double early = first_rise(f, a, m, tiny);
+  return early < infinity ? early : first_rise(f, m, b, tiny);
+}
+
+// The cubic on [0, 1] with given values and slopes at both ends.
+
+// Slopes of a step from t to t + dt: dt times those in t.
+struct HermiteCubic {
+  double y0, m0, c2, c3;
+
+  HermiteCubic(double y_0, double y_1, double m_0, double m_1)
+      : y0(y_0), m0(m_0), c2(3 * (y_1 - y_0) - 2 * m_0 - m_1), c3(2 * (y_0 - y_1) + m_0 + m_1) {}
+  double operator()(double s) const { return y0 + s * (m0 + s * (c2 + s * c3)); }
+  double slope(double s) const { return m0 + s * (2 * c2 + s * 3 * c3); }
+
+  // Calls take(s) where the slope is 0 inside.
+  template <class Take>
+  void extrema(const Take& take) const {
+    const double a = 3 * c3, b = 2 * c2, root = b * b - 4 * a * m0;
+    if (!(root >= 0)) return;
+    const double q = -(b + std::copysign(std::sqrt(root), b)) / 2;
+    for (const double s : {a != 0 ? q / a : -1., q != 0 ? m0 / q : -1.})
+      if (s > 0 && s < 1) take(s);
+  }
+};
+
 }  // namespace stickslip

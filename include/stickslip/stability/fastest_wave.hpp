@@ -17,8 +17,11 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 
 namespace stickslip {
 
@@ -100,5 +103,73 @@ std::optional<LinearPoint> sliding_medium(const Scene& scene);
 
 // Growth rates that differ by less are called equal: 1e-9 of a frequency of the medium.
 double same_growth(const LinearPoint& medium);
+
+// The fastest growing wave of the continuum itself, whatever the grid, where all its nodes are alike.
+//
+// A wave of wavenumber k grows like exp(lambda t) with
+//     (lambda^2/A + beta lambda + K) (lambda + r) + q lambda = 0,   K = K0 + K1 k^2
+// (sliding.hpp; without a state only the first bracket). Solved for K this is a function K(lambda), so that a
+// real root moves with K at the rate 1/K'(lambda): one way, until it meets another. Where the roots meet from
+// the side of real ones, the larger comes down to the meeting, so that the growth rate has no maximum there.
+// And since the three roots add up to -(A beta + r), the real part of an oscillating pair moves with K as
+// -1/2 of the real root does: one way, too. The growth rate as a function of K therefore has no maximum
+// inside any interval. Its supremum is that of the longest wave, or the limit of short ones, max(-A beta/2,
+// -r): a closed question, not a search.
+//
+// With viscosity between neighbours, beta + N k^2 for beta, short waves tend to max(-K1/N, -r). Without a
+// state an oscillating wave grows at -A (beta + N k^2)/2 and a real root moves with k^2 one way, towards
+// -K1/N: the longest wave leads, or the limit. With a state a wave between may lead, the fastest of those
+// that fit (fastest_wave.hpp).
+struct ContinuumLead {
+  double growth = 0;  // the supremum over all waves, 1/time
+  // of the wave that has it, 1/time; infinite where short oscillating waves approach it
+  double frequency = 0;
+  // the smallest one that has it, 1/length; infinite where it is approached as k grows
+  double wavenumber = 0;
+  bool degenerate = false;  // other waves have it too, to 1e-9 of a frequency of the scene
+};
+
+// Over all whole waves of a ring, all standing waves between free ends or ends held at v (odd about a held
+// end, even about a free one). Empty in the chain, whose blocks are the matter, and where nodes differ. Not
+// collective.
+std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& J);
+
+// The frequency of all springs at a node, of K0 + K1 in the chain, of K0 in the continuum, where K1 has
+// another unit; where there is none the scene's own rate.
+double spring_frequency(const LinearisedOperator& J);
+// The slower of the rates that springs and damping of the mean medium give, w^2/(w + |C|) with w the
+// frequency of all springs: beside it growth rates are small or large, whatever the unit of time.
+double own_rate(const LinearisedOperator& J);
+// The size of the damping C of the mean medium, for tolerances; 0 without mass, where growth has that unit
+// alone.
+double damping_scale(const LinearisedOperator& J);
+
+// All uniform motions of a chain that no spring ties to the plate (k0 = 0).
+//
+// The mean force of such a chain stays what it was at the start, on a ring and between free ends, and every
+// velocity with
+//     B psi + F_ss(psi) = stress
+// is one at which it may slide: several where F_ss rises, falls and rises again (n-shaped friction). One that
+// falls with velocity, B + dF_ss/dpsi < 0, is unstable to uniform changes; of the others each has its own
+// waves. A front may run between two of them, since it leaves the force as it finds it.
+//
+// Not collective.
+struct UniformState {
+  double psi = 0;
+  std::optional<double> state;  // of the contact, as files show it
+  double slope = 0;             // B + dF_ss/dpsi
+  bool rests = false;           // held by friction with a threshold: no growth rate
+  double growth_rate = 0;       // largest over the scene's waves, 1/time; the shift of the whole excepted
+  double frequency = 0, wavenumber = 0;
+  bool stable = false;
+};
+
+// Whether the scene is such a chain, uniform and without held ends.
+bool has_uniform_states(const Scene& scene);
+
+// Every one between 1e-290 and 1e8 of a slip's scale (model/scales.hpp), of either sign, and at rest, in
+// ascending order of psi; of those nearer to each other than a sixteenth of a decade two may be missed.
+// `stress`: the force over the friction amplitude.
+std::vector<UniformState> uniform_states(const Scene& scene, double stress);
 
 }  // namespace stickslip

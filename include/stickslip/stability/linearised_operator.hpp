@@ -1,3 +1,89 @@
+// The equations linearised about steady sliding: how nodes hang together, the state, and S(lambda).
+#pragma once
+
+#include <array>
+#include <utility>
+#include <vector>
+
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/numerics/linear_systems.hpp"
+
+namespace stickslip {
+
+// How the nodes that are solved for hang together: -D2 among them, and their order in a banded matrix. Where
+// links differ along x (model/medium.hpp) D2 is that of the links over the mean K1, so that K1 times it is
+// what couples them.
+//
+// Held nodes carry no unknown; what couples to them stands in the row sums alone. Local to the process, which
+// holds the whole line.
+class Coupling {
+ public:
+  explicit Coupling(const Scene& scene);
+  // `count` nodes from the first'th on, everything outside held.
+  Coupling segment(std::size_t first, std::size_t count) const;
+
+  // those solved for, node[0] < node[1] < ...; columns below are places in this list
+  std::vector<PetscInt> node;
+  std::vector<double> weight;  // inner product: 1, 1/2 at a free end of the continuum
+  bool symmetric = true;       // D2 is symmetric in that inner product: but for held ends of order 4 and 6
+  std::size_t size() const { return node.size(); }
+
+  struct Term {
+    std::size_t column;
+    double value;  // 1/length^2 in the continuum, a number in the chain
+  };
+  struct Row {
+    const Term *first, *last;
+    const Term* begin() const { return first; }
+    const Term* end() const { return last; }
+  };
+  // Row i of -D2. Its product with p is taken by differences, which keep the digits that 1/h^2 would eat.
+  Row row(std::size_t i) const { return {terms_.data() + starts_[i], terms_.data() + starts_[i + 1]}; }
+  std::vector<Complex> minus_d2(const std::vector<Complex>& p) const { return minus_d2(p, false); }
+  // `plain`: of the stencil with equal links, in any case.
+  std::vector<Complex> minus_d2(const std::vector<Complex>& p, bool plain) const;
+  double largest_row() const;  // sum of |entries|
+
+  // A ring is ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other in the band.
+  std::size_t position(std::size_t i) const;
+  int band() const { return band_; }
+  // lu += factor (-D2), in that order; solves with the factors of such a matrix, b in the order of the nodes.
+  void add_to(BandLU& lu, Complex factor) const;
+  void solve(const BandLU& lu, std::vector<Complex>& b, bool transposed = false) const;
+
+ private:
+  Coupling() = default;
+  void add_link_row(const Scene& scene, PetscInt node);
+  void close_row();
+
+  // Values of the rows' terms with equal links, where they are not; and of their sums.
+  std::vector<double> plain_, plain_sum_;
+  bool folded_ = false;
+  int band_ = 0;
+  std::vector<std::size_t> starts_{0};
+  std::vector<Term> terms_;
+  std::vector<double> row_sum_;
+};
+
+// Steady sliding: psi_i with K0 (v - psi) + K1 D2 psi = 0, the state at its steady value for psi_i, and eta =
+// B psi + F - N D2 psi. Friction does not enter the equation for psi (B and delta are never both non-zero),
+// so it is linear: psi = v without held ends, one banded solve for the boundary layers with them.
+//
+// Every rank holds the whole line. Not collective.
+struct SteadySliding {
+  // Throws Failure where the scene has no steady sliding (a threshold or a contact age at psi = 0).
+  explicit SteadySliding(const Scene& scene);
+
+  Scene scene;
+  // At every node, held ones included: psi in length/time; the state as stored (friction.hpp), empty without
+  // a state law; and the slopes of friction there.
+  std::vector<double> psi, eta, state;
+  std::vector<FrictionSlopes> slopes;
+  // largest |eta_t|, |state_t| over the nodes solved for (psi_t = 0 by the choice of eta)
+  double residual = 0;
+};
+
 // The operator J of perturbations of steady sliding.
 //
 // Perturbations (p, e, t) of (psi, eta, state) that grow like exp(lambda t). Everything but D2 acts node by
@@ -7,8 +93,8 @@
 //     S(lambda) = lambda [lambda/A_i + beta_i + q_i/(lambda + r_i)] + K0_i - (K1 + lambda N) D2
 //     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi - N D2) p + F_state t.
 //
-// Where a scene's medium differs along x, A and K0 are those of the node, and K1 D2 has links of its own
-// (coupling.hpp); elsewhere they are the same at every node.
+// Where a scene's medium differs along x, A and K0 are those of the node, and K1 D2 has links of its
+// own; elsewhere they are the same at every node.
 //
 // S is banded (in bandwidth-reducing order round a ring), one complex unknown a node, so a factorisation, a
 // solve and a determinant cost O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det
@@ -18,17 +104,6 @@
 // Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state; without mass eta,
 // state), a node's together; lambda, growth rates and frequencies are in 1/time. Every rank holds the whole
 // line: a spectrum is shared out by shifts and points, not by nodes. Not collective.
-#pragma once
-
-#include <array>
-#include <utility>
-#include <vector>
-
-#include "stickslip/stability/coupling.hpp"
-#include "stickslip/stability/steady_sliding.hpp"
-
-namespace stickslip {
-
 class LinearisedOperator {
  public:
   explicit LinearisedOperator(const SteadySliding& steady);

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/stability/growth_rate.hpp"
+#include "stickslip/stability/boundary.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {

@@ -98,7 +98,7 @@ struct NearestGrowth {
 
 // Of a run that has taken so many evaluations of the right-hand side. Where all nodes slide alike the audit
 // of the steps has it, in closed form (stability/fastest_wave.hpp); where friction is spread or ends are held
-// away from v it is computed (stability/growth_rate.hpp) if that is estimated to take less than 10 ms or a
+// away from v it is computed (stability/boundary.hpp) if that is estimated to take less than 10 ms or a
 // twentieth of the steps' time. The method's part is taken from the mean medium then. The estimate is by
 // counts, so that the same run gives the same answer on any machine. Collective over the model's ranks.
 NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations);

@@ -19,8 +19,8 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/numerics/plane_line.hpp"
-#include "stickslip/stability/growth_rate.hpp"
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/stability/boundary.hpp"
 
 namespace stickslip {
 

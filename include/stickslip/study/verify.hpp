@@ -9,7 +9,6 @@
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/stability/boundary.hpp"
-#include "stickslip/stability/growth_rate.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 
 namespace stickslip {

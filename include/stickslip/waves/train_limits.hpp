@@ -3,8 +3,8 @@
 //
 // A fold: two trains of the family merge, dvalue = 0 along the trains. A change of stability: the growth rate
 // of one eigenvalue passes through zero (wave_stability.hpp); it may oscillate in the frame of the train
-// (`hopf`) or not (`zero`). On the surface of all trains (alpha, value2), train_sheet.hpp, each is the zero
-// line of a smooth function, which is followed there (numerics/plane_line.hpp) and whose points are spread
+// (`hopf`) or not (`zero`). On the surface of all trains (alpha, value2), train_field.hpp, each is the zero
+// line of a smooth function, which is followed there (numerics/level_curve.hpp) and whose points are spread
 // evenly in the two parameters. Computed alike on every rank.
 #pragma once
 
@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/numerics/plane_line.hpp"
-#include "stickslip/waves/branch.hpp"
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/waves/train.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 
 namespace stickslip {

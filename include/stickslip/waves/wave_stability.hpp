@@ -16,7 +16,7 @@
 // from -i infinity to i infinity, counts the eigenvalues to the right of it, for every theta at once; they
 // lie on the curves |rho exp(-lambda T)| = 1, one for each stretch of the line that counts, and are found
 // there by Newton's method, phase by phase, on two meshes (the curves account for every mode counted, or the
-// list is not called whole: src/waves/spectral_curves.hpp); where these disagree the eigenvalue is marked as
+// list is not called whole: src/waves/spectral_line.hpp); where these disagree the eigenvalue is marked as
 // not resolved. Short waves decay at half the mean of C = A (B + F_psi) + s delta, which is positive on an
 // attracting orbit, so that a line right of that has finitely many to its right and needs to be followed to a
 // finite frequency only.

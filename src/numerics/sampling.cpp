@@ -1,6 +1,8 @@
-#include "stickslip/numerics/change_search.hpp"
+
+#include "stickslip/numerics/sampling.hpp"
 
 #include <algorithm>
+#include <boost/random/sobol.hpp>
 
 namespace stickslip {
 
@@ -66,6 +68,15 @@ std::vector<long> ChangeSearch::next(const std::unordered_map<long, int>& known)
   std::sort(wanted.begin(), wanted.end());
   wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
   return wanted;
+}
+
+// Boost's sequence leaves out point 0, the origin.
+std::uint32_t sobol(int dimension, std::uint32_t index) {
+  if (index == 0) return 0;
+  boost::random::sobol_engine<std::uint32_t, 32> coordinates(dimension + 1);
+  coordinates.seed(index - 1);
+  coordinates.discard(dimension);
+  return coordinates();
 }
 
 }  // namespace stickslip

@@ -1,3 +1,13 @@
+// Which points of a box are looked at: where an answer changes, and evenly.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+namespace stickslip {
+
 // Where something that takes a few distinct values changes, on a lattice in one or two dimensions, found
 // without looking at all points of the lattice.
 //
@@ -6,14 +16,6 @@
 // along which the values change is followed through every cell that it enters, also one whose corners are
 // alike, where a neighbour's finer points show it. What lies wholly between the points of the coarse cells is
 // not seen. Local to the process.
-#pragma once
-
-#include <array>
-#include <unordered_map>
-#include <vector>
-
-namespace stickslip {
-
 class ChangeSearch {
  public:
   // `cells`: coarse ones in each dimension (0 in the second: one dimension), each to be halved `halvings`
@@ -43,5 +45,15 @@ class ChangeSearch {
   std::vector<Cell> leaves_;  // cells that have not been divided, those of the lattice itself excepted
   bool begun_ = false;
 };
+
+// Sobol's sequence: points that fill a cube of up to four dimensions more evenly than random ones do.
+//
+// Boost's, in the order of Gray codes, with the direction numbers of S. Joe and F. Y. Kuo, SIAM J. Sci.
+// Comput. 30 (2008) 2635-2654. Local to the process.
+constexpr int sobol_dimensions = 4;
+
+// Coordinate `dimension` (from 0) of point `index` (from 0), as a fraction of 2^32. Each coordinate of the
+// first 2^k points is once in each of 2^k equal intervals.
+std::uint32_t sobol(int dimension, std::uint32_t index);
 
 }  // namespace stickslip
