@@ -13,6 +13,7 @@ with the reason. OPTIONS are added to every command, as they are typed.
 import argparse
 import json
 import os
+import re
 import sys
 import tempfile
 
@@ -43,7 +44,7 @@ class Scene:
     @property
     def attrs(self):
         """As an open file has them."""
-        return {"options": json.dumps(self.options)}
+        return {"options": json.dumps(self.options), "option_units": json.dumps(style.UNITS)}
 
     def ask(self, part, command, **settings):
         """The summary of a command and its file, or two times None; `part` says for what it was."""
@@ -174,6 +175,27 @@ def measured(value, name, digits=4):
     return f"{value:.{digits}g} {of}".rstrip()
 
 
+def listed(words):
+    """"a, b and c"; of many the first and the last."""
+    words = words if len(words) < 8 else [words[0], "...", words[-1]]
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1]))) if words else ""
+
+
+def shown(name):
+    """An option in a sentence: by its label, else its words and symbol."""
+    label = style.NAMES.get(name, name)
+    return label if style.SYMBOLS.get(name) == "" else style.axis_name(name).split(" (")[0]
+
+
+def without_effect(chart_found):
+    """Of a map: for which of sliding and stick-slip its second option does not matter, and that option."""
+    if chart_found:
+        for of in ("sliding", "stick-slip"):
+            own = np.array([(point["value"], point["value2"]) for point in chart_found["points"] if point["of"] == of])
+            if len(own) > 2 and np.ptp(own[:, 1]) > 0 and np.ptp(own[:, 0]) < 1e-5 * np.abs(own[:, 0]).max():
+                yield of, chart_found["parameters"][1]
+
+
 def sentences(found):
     """What was found, a line each."""
     if "sliding" in found:
@@ -190,7 +212,7 @@ def sentences(found):
     if "oscillation" in found:
         one = found["oscillation"]
         kind = {True: "stable", False: "unstable", None: "of unknown stability"}[one["stable"]]
-        rest = f", at rest {one['rest_fraction']:.0%} of the time" if one["rest_fraction"] else ""
+        rest = f", at rest {one['rest_fraction']:.3%} of the time" if one["rest_fraction"] else ""
         alike = " of all nodes alike" if one["alike"] else ""
         yield f"The oscillation{alike} is {kind}: period {measured(one['period'], 't', 6)}, frequency " \
               f"{measured(one['frequency'], 'frequency')}, psi from {one['psi_min']:.4g} to {measured(one['psi_max'], 'psi')}{rest}."
@@ -199,15 +221,24 @@ def sentences(found):
         for of in one["of"]:
             points = sorted((point for point in one["points"] if point["of"] == of), key=lambda point: point["value"])
             at = [f"{measured(point['value'], 'model_v', 5)} ({point['kind']})" for point in points]
-            changes.append(f"{WORDS[of][not at]} {' and '.join(at if len(at) < 4 else [at[0], '...', at[-1]])}".rstrip())
-        name = style.NAMES["model_v"] if style.NAMES["model_v"] in {label.split(" (")[0] for label in style.as_given} else "v"
-        yield f"Over {name} from {one['from']:.3g} to {measured(one['to'], 'model_v', 3)} {', '.join(changes)}."
+            changes.append(f"{WORDS[of][not at]} {listed(at)}".rstrip())
+        yield f"Over {shown('model_v')} from {one['from']:.3g} to {measured(one['to'], 'model_v', 3)} {', '.join(changes)}."
+    for of, name in without_effect(found.get("map")):
+        what = "where stick-slip ends" if of == "stick-slip" else "where sliding changes its stability"
+        yield f"{shown(name)[0].upper()}{shown(name)[1:]} does not matter for {what}."
     if "catalogue" in found:
         one = found["catalogue"]
         b = f", b = {one['b']:.3f} ({one['b_interval'][0]:.3f} to {one['b_interval'][1]:.3f})" if np.isfinite(one["b"]) else ""
         yield f"{one['events']} events{b}; the largest reached over {one['largest_extent']:g}."
+    reasons = {}  # said once of all parts that have the same; what stands behind is how it was found
     for part, why in found["refused"].items():
-        yield f"No {part}: {why.split('; ')[0]}."  # what stands behind is how it was found
+        reasons.setdefault(re.sub(r"the command \w+ takes", "these take", why.split("; ")[0]), []).append(part)
+    for why, parts in reasons.items():
+        why = re.sub(r"\d\.\d{5,}|\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", why)
+        if why.startswith("no boundary"):  # an answer
+            yield f"{listed(parts).capitalize()}: {why}."
+        else:
+            yield f"No {listed(parts)}: {why}."
 
 
 def draw_friction(axes, scene, picture):
@@ -233,6 +264,12 @@ def draw_course(axes, series, period, picture):
     if period:  # the last of them
         axes.set_xlim(max(t[0], t[-1] - 6 * period), t[-1])
     name_axes(axes, "t", "psi")
+
+
+def motion_panels(file, catalogue):
+    """How many panels draw_motion takes."""
+    with h5py.File(file) as run:
+        return int("series" in run and len(run["series/t"]) > 0) + (2 if catalogue else 0 if is_block(run) else 1)
 
 
 def draw_motion(place, file, catalogue, period, picture):
@@ -305,22 +342,27 @@ def page(path, more=(), seconds=60.):
         catalogue = course and events(scene, course, found)
         _, scene.laws = scene.ask("friction", "laws")
 
-        draw = []  # of each panel, or of what takes several: given where the next one stands
+        draw = []  # of each panel, or of what takes several: how many, and what is given where the next one stands
         if scene.laws:
-            draw.append(lambda place: draw_friction(place(), scene, picture))
+            draw.append((1, lambda place: draw_friction(place(), scene, picture)))
         if course:
-            draw.append(lambda place: draw_motion(place, course, catalogue, found["motion"]["period"], picture))
+            panels = motion_panels(course, catalogue)
+            draw.append((panels, lambda place: draw_motion(place, course, catalogue, found["motion"]["period"], picture)))
         if cycle:
-            draw.append(lambda place: draw_loop(place(), cycle))
+            draw.append((1, lambda place: draw_loop(place(), cycle)))
         if found.get("amplitude"):
-            draw.append(lambda place: draw_amplitude(place(), found["amplitude"], scene.value("model_v")))
+            draw.append((1, lambda place: draw_amplitude(place(), found["amplitude"], scene.value("model_v"))))
         if found.get("map", {}).get("points"):
-            draw.append(lambda place: draw_map(place(), found["map"], picture))
-        rows = (len(draw) + 2) // 2  # the motion may take two panels
+            draw.append((1, lambda place: draw_map(place(), found["map"], picture)))
+        panels = sum(count for count, _ in draw)
+        rows, columns = (panels + 1) // 2, min(panels, 2)
         picture = Picture(1.2 + 2.5 * rows)
-        grid = picture.add_gridspec(rows, 2)
-        places = (picture.add_subplot(cell) for cell in grid)
-        for one in draw:
+        grid = picture.add_gridspec(max(rows, 1), max(columns, 1))
+        cells = [grid[divmod(k, 2)] for k in range(panels)]
+        if panels % 2 == 1:  # the last one is as wide as the page
+            cells[-1] = grid[rows - 1, :]
+        places = (picture.add_subplot(cell) for cell in cells)
+        for _, one in draw:
             one(lambda: next(places))
         words = [f"{os.path.basename(path)}: {stickslip.scene_title(scene)}", *sentences(found)]
         picture.title("\n".join(words), x=0.01, ha="left")

@@ -244,14 +244,21 @@ def shown_name(option):
     return GREEK.get(option, option.replace("_", " "))
 
 
+def labels(known):
+    """What the scene calls its options, {name: words}, from these."""
+    return {name.strip(): words.strip() for name, _, words in (label.partition(":") for label in known.get("labels", "").split(","))
+            if words.strip()}
+
+
 def shown_words(words):
     """A message of the program with its options called as in pictures."""
     return re.sub(r"\b[a-z]+_[a-z0-9_]+\b", lambda name: shown_name(name[0]), words)
 
 
 def scene_title(file, varied=()):
-    """Says which scene this is, from the options in the file, those in `varied` left out."""
+    """Says which scene this is, from the options in the file, those in `varied` left out; with the scene's units and labels."""
     every = options(file)
+    units, labelled = json.loads(text(file.attrs.get("option_units", "{}"))), labels(every)
     known = {name: value for name, value in every.items() if name not in varied}
     form = known.get("model_form", "")
     names = {"continuum": ["gamma", "delta", "c", "nu", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "nu", "v"]}.get(form, [])
@@ -261,17 +268,18 @@ def scene_title(file, varied=()):
     parts += [law] if law else []
     parts += [f"state law {state}"] if state not in ("", "none") else []
     for name in names:
-        value = known.get("model_" + name, "")
+        value, unit = known.get("model_" + name, ""), units.get("model_" + name, "")
+        called = " ".join(filter(None, (labelled.get("model_" + name), GREEK["model_" + name])))
         if value == "":
             continue
         if known.get(f"model_{name}_profile", "none") not in ("", "none"):
-            parts.append(f"{GREEK['model_' + name]} along x")
+            parts.append(f"{called} along x")
             continue
         if name == "zeta" and value == "paper":
             value = "√(0.1 m k₁)"
             if not {"model_m", "model_k1"} & set(varied):
                 value += f" = {math.sqrt(0.1 * float(every['model_m']) * float(every['model_k1'])):.4g}"
-        parts.append(f"{GREEK['model_' + name]} = {value}")
+        parts.append(f"{called} = {value}{' ' + unit if unit and value[0] != '√' else ''}")
         if name == "delta" and float(value) != 0:
             parts[-1] += f" ({known.get('model_delta_sign', 'derived')})"
     if "model_delta" in varied and form == "continuum":

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E402
 
 from placing import Placing  # noqa: E402
-from stickslip import GREEK, SYMBOL, options, text  # noqa: E402
+from stickslip import GREEK, SYMBOL, labels, options, text  # noqa: E402
 
 OWN = {
     "figure.figsize": [7.2, 4.8], "font.size": 9, "figure.dpi": 150, "savefig.dpi": 150, "mathtext.default": "it",
@@ -45,7 +45,6 @@ def choose(style=None, size=None, names=()):
 
 def take_names(file):
     """The units and labels of a file's scene."""
-    every = options(file)
     if "option_units" in file.attrs:
         UNITS.update(json.loads(text(file.attrs["option_units"])))
         def note(name, dataset):
@@ -53,8 +52,7 @@ def take_names(file):
             if unit not in ("", "1"):
                 UNITS.setdefault(name.rsplit("/", 1)[-1], unit)
         file.visititems(note)
-    for label in filter(None, every.get("labels", "").split(",")):
-        name, words = map(str.strip, label.split(":", 1))
+    for name, words in labels(options(file)).items():
         if NAMES.get(name) not in as_given:
             NAMES[name], SYMBOLS[name] = words, ""
             as_given.add(with_unit(words, name))
@@ -96,8 +94,8 @@ def typeset(words):
     if words in as_given:
         return words
     units = {*UNITS.values(), *(of + UNITS["t"] for of in ("1/", "rad/") if "t" in UNITS)}
-    unit = "|".join(re.escape(name) for name in sorted(units, key=len, reverse=True))
-    stays = r"(\$[^$]*\$" + (rf"|\((?:{unit})\)|(?<=\d )(?:{unit})(?![\w/^])" if units else "") + ")"
+    unit = "|".join(re.escape(name).replace(r"\ ", "[ \u00a0]") for name in sorted(units, key=len, reverse=True))
+    stays = r"(\$[^$]*\$" + (rf"|\((?:{unit})\)|(?<=\d[ \u00a0])(?:{unit})(?![\w/^])" if units else "") + ")"
     parts = re.split(stays, str(words))  # what is typeset already, and units in brackets or behind a number
     parts[::2] = [LETTER.sub(italic, part) for part in parts[::2]]
     return "".join(parts)

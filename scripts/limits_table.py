@@ -5,9 +5,11 @@ cell both numbers, `none` where there is none."""
 import json
 import sys
 
+from tables import letters
+
 
 def cell(value):
-    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else letters(str(value))
 
 
 def name_of(row):

@@ -8,6 +8,8 @@ import re
 import subprocess
 import sys
 
+from tables import letters
+
 
 def said(program, *words):
     return subprocess.run([program, *words], check=True, capture_output=True, text=True).stdout
@@ -51,13 +53,16 @@ def of_all(program):
 
 def page(program):
     groups, readers = of_all(program)
+    name_of = re.compile(r"(?<![\w`.-])-?(?:" + "|".join(sorted(readers, key=len, reverse=True)) + r")(?![\w`-])")
     print("# Options\n\nMade by `scripts/options.py build/stickslip > docs/options.md` from what `stickslip COMMAND "
           "-help` prints.\nIn a scene nested maps join with `_`: `model: {gamma: 3}` is `-model_gamma 3`. Options of "
           "PETSc and SLEPc\n(`-ts_type`, `-ts_rtol`, `-eps_ncv`, ...) are taken as well.")
     for group, entries in groups.items():
         print(f"\n## {group}\n\n| option | default | takes | what it does | commands |\n|---|---|---|---|---|")
-        for name, entry in entries.items():
-            print("| " + " | ".join(cell.replace("|", "\\|") for cell in (f"`{name}`", *entry, readers[name])) + " |")
+        for name, (default, takes, what) in entries.items():
+            takes = takes if takes.startswith("one of") else letters(takes)  # words to type stay
+            what = letters(name_of.sub(lambda option: f"`{option[0]}`" if "_" in option[0] else option[0], what))
+            print("| " + " | ".join(cell.replace("|", "\\|") for cell in (f"`{name}`", default, takes, what, readers[name])) + " |")
 
 
 def roff(text):

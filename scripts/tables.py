@@ -15,19 +15,36 @@ import sys
 DOCS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "docs")
 
 
+LETTERS = {"alpha": "α", "gamma": "γ", "delta": "δ", "eps": "ε", "zeta": "ζ", "eta": "η", "theta": "θ", "lambda": "λ", "nu": "ν",
+           "pi": "π", "sigma": "σ", "tau": "τ", "chi": "χ", "psi": "ψ", "omega": "ω"}
+LETTER = re.compile(r"(?<![\w:/.*-])(" + "|".join(LETTERS) + r")(0?)(?![\w:-]|\.\w)|(?<![\w:-])(" + "|".join(LETTERS) + r")(?=_[tx]+\b)")
+SIGNS = {"<=": "≤", ">=": "≥", "^2": "²", "^3": "³", "sqrt(": "√("}
+
+
+def letters(words):
+    """What the program says in ASCII, in letters and signs: "psi <= 0" is "ψ ≤ 0". What one types, in `...`, stays."""
+    parts = re.split(r"(`[^`]*`|\]\([^)]*\))", words)
+    for k in range(0, len(parts), 2):
+        for ascii_sign, sign in SIGNS.items():
+            parts[k] = parts[k].replace(ascii_sign, sign)
+        parts[k] = re.sub(r"abs\((\w+)\)", r"|\1|", parts[k])
+        parts[k] = LETTER.sub(lambda name: LETTERS[name[1] or name[3]] + ("₀" if name[2] else ""), parts[k])
+    return "".join(parts)
+
+
 def row(*cells):
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 
 def unit_of(column):
-    return "" if column["unit"] == "1" else column["unit"]
+    return "" if column["unit"] == "1" else letters(column["unit"])
 
 
 def keys(tables, name=""):
     text = "| key | unit | meaning |\n|---|---|---|\n"
     for column in next(table for table in tables if table["list"] == name)["columns"]:
         if column["key"]:
-            text += row(f"`{column['key']}`", unit_of(column), column["meaning"])
+            text += row(f"`{column['key']}`", unit_of(column), letters(column["meaning"]))
     return text
 
 
@@ -37,10 +54,10 @@ def datasets(tables):
         if not table["dimension"]:
             continue
         dimension = table["dimension"].rpartition("/")[2]
-        text += row(f"`{table['dimension']}`", dimension, "", table["counts"])
+        text += row(f"`{table['dimension']}`", dimension, "", letters(table["counts"]))
         for column in table["columns"]:
             if column["dataset"]:
-                text += row(f"`{table['prefix']}{column['dataset']}`", dimension, unit_of(column), column["meaning"])
+                text += row(f"`{table['prefix']}{column['dataset']}`", dimension, unit_of(column), letters(column["meaning"]))
     return text
 
 

@@ -52,7 +52,7 @@ def main():
     asked = parser.parse_args()
     rows = [speed(path) for path in asked.fronts]
     if not asked.arrest:
-        print("| q | V/c | its error by the fit | 1/sqrt(1 - q²) |\n|---|---|---|---|")
+        print("| q | V/c | its error by the fit | 1/√(1 - q²) |\n|---|---|---|---|")
         for q, found, error in rows:
             print(f"| {q:.1f} | {found:.4f} | {error:.0e} | {1 / np.sqrt(1 - q * q):.4f} |")
         return
@@ -60,7 +60,7 @@ def main():
     picture = Picture(3.4)
     speeds, path = picture.subplots(1, 2)
     q = np.linspace(0, 0.92, 300)
-    picture.label(speeds, "1/sqrt(1 - q²)", *speeds.plot(q, 1 / np.sqrt(1 - q * q), color=BLACK, lw=1), where=0.8)
+    picture.label(speeds, "1/√(1 - q²)", *speeds.plot(q, 1 / np.sqrt(1 - q * q), color=BLACK, lw=1), where=0.8)
     picture.label(speeds, "200 blocks", *speeds.plot([row[0] for row in rows], [row[1] for row in rows], "o", color=BLUE))
     name_axes(speeds, "q = (prestress - fd)/(fs - fd)", "speed of the front over c")
     x, t, _ = times(asked.arrest)

@@ -35,7 +35,7 @@ def fields(scene, n, folder):
 
 
 def main():
-    print("| | psi, mean | psi, largest | eta, mean | eta, largest |\n|---|---|---|---|---|")
+    print("| | ψ, mean | ψ, largest | η, mean | η, largest |\n|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for name, scene in SCENES:
             found = [fields(scene, n, folder) for n in GRIDS]

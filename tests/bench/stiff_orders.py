@@ -35,7 +35,7 @@ def end(method, *more):
 def main():
     exact = end("arkimex:5:both", "-ts_rtol", "1e-12", "-ts_atol", "1e-12")
     steps = (8, 4, 2, 1, 0.5)
-    print("| method | order | dt 8 to 4 | 4 to 2 | 2 to 1 | 1 to 0.5 | error of psi, eta at dt = 1 |\n|---|---|---|---|---|---|---|")
+    print("| method | order | dt 8 to 4 | 4 to 2 | 2 to 1 | 1 to 0.5 | error of ψ and η at dt = 1 |\n|---|---|---|---|---|---|---|")
     for method, order in METHODS:
         adapt = () if method.split(":")[0] in ("theta", "cn", "beuler", "alpha") else ("-ts_adapt_type", "none")
         ends = [end(method, "-ts_dt", str(dt), *adapt) for dt in steps]

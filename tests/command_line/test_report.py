@@ -1,8 +1,9 @@
 """One page about a scene: its numbers are those of the commands that they come from, and what does not apply is named."""
 import json
 import os
+import sys
 
-from calls import run, scene_file, tool
+from calls import SOURCE, run, scene_file, tool
 
 
 def report(scene, *more):
@@ -33,7 +34,22 @@ def test_numbers_are_those_of_the_commands():
 def test_a_catalogue_and_what_does_not_apply():
     found, said = report(scene_file("catalogue"), "--", "-grid_n", "20", "-ts_max_time", "3000")
     assert found["catalogue"]["events"] > 20 and "events" in said
-    assert "map" in found["refused"] and "No map: " in said
+    assert "map" in found["refused"] and "\nMap: no boundary in the box" in said
+
+
+def test_what_does_not_matter_and_one_reason_is_said_once():
+    """The stiffness of a spring under one block with cubic friction; a load that most commands do not take; panels fill the page."""
+    found, said = report(scene_file("chain-plain"), "--", "-grid_n", "1", "-bc_left", "free", "-model_v", "0.5", "-ts_max_time", "20")
+    assert "Stiffness to the plate k₀ does not matter for where sliding changes its stability." in said, said
+    assert len({point["value2"] for point in found["map"]["points"]}) > 2
+    found, said = report(scene_file("lab-steps"), "--", "-ts_max_time", "16")
+    assert len(found["refused"]) == 5 and said.count("-load_v") == 2 and "No sliding and friction: " in said, said
+    sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
+    import stickslip
+    run(scene_file("brake") + " -ts_max_time 1e-3 -out_file b.h5")
+    with stickslip.reading("b.h5") as file:
+        title = stickslip.scene_title(file).replace("\u00a0", " ")
+    assert "k₀ = 1e6 N/m" in title and "disc speed v = 0.5 m/s" in title and "damping ζ = 10 N s/m" in title, title
 
 
 def test_a_wrong_scene_is_one_line():
