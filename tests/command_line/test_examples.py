@@ -41,11 +41,13 @@ def test_the_page_shows_the_file(name):
 
 
 def test_the_page_shows_the_lines_of_the_source():
-    """Those of the drag and of the special point are the source's own, but for how far they stand to the right."""
+    """Those of the drag, of the special point and of methods are the source's own, but for how far they stand to the right."""
     with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         text = page.read()
     for name, begin, end in (("include/stickslip/model/node_terms.hpp", "struct NodeTerms {", "\n};"),
                              ("src/options/option_table.cpp", 't.not_negative("model_drag"', ";"),
+                             ("tests/examples/own/program.cpp", "  stickslip::register_method(", "TSCreate_Heun);"),
+                             ("tests/examples/own/program.cpp", "  stickslip::register_tableau(", "});"),
                              ("tests/test_cycle.cpp", "  const CycleWatch watch = [](double,", '"amplitude-2");')):
         with open(os.path.join(SOURCE, name), encoding="utf-8") as file:
             source = file.read()
