@@ -397,8 +397,8 @@ struct Weighted {
 
 struct SumOfSquares {
   double operator()(const Weighted& w) const {
-    constexpr int lanes = 8;  // a fixed order of summation that suits every vector length
-    double sums[lanes] = {};
+    constexpr int parts = 8;  // a fixed order of summation that suits every vector length
+    double sums[parts] = {};
     const auto term = [&](PetscInt i) {
       const double u = w.u[i], e = w.error[i], other = u - e;
       const double a = u < 0 ? -u : u, b = other < 0 ? -other : other;
@@ -406,8 +406,8 @@ struct SumOfSquares {
       return q * q;
     };
     PetscInt i = 0;
-    for (; i + lanes <= w.count; i += lanes)
-      for (int j = 0; j < lanes; ++j) sums[j] += term(i + j);
+    for (; i + parts <= w.count; i += parts)
+      for (int j = 0; j < parts; ++j) sums[j] += term(i + j);
     for (int j = 0; i < w.count; ++i, ++j) sums[j] += term(i);
     double sum = 0;
     for (const double s : sums) sum += s;
