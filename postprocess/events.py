@@ -5,10 +5,10 @@ usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from S] [--fit A B] [
 
 Left above: how many events there are of each magnitude, over the number of nodes, the plate's displacement and the width of the
 bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a
-few places, and how far the plate is ahead of the mean slip. Magnitudes are natural logarithms of the moment M, or with --magnitude Mw 2/3 of that to
-the base 10, as in seismology (without the constant that belongs to units). --from leaves out events that began before the
-plate had moved so far (a start is not typical). The fit is of density ~ exp(-b ln M) for magnitudes between A and B
-(default: from 2 above the most frequent ln M, that of a block alone, over 3 units), by maximum likelihood for a truncated
+few places, and how far the plate is ahead of the mean slip. Magnitudes are natural logarithms of the moment M, or with
+--magnitude Mw 2/3 of the logarithm to the base 10, as in seismology (without the constant that belongs to units). --from leaves
+out events that began before the plate had moved so far (a start is not typical). The fit is of density ~ exp(-b ln M) for
+magnitudes between A and B, of the kind that is drawn: --magnitude Mw --fit -1 0.5 is from Mw = -1 to 0.5 (default: from 2 above the most frequent ln M, that of a block alone, over 3 units), by maximum likelihood for a truncated
 exponential; its standard error is from the curvature. Of fewer than 20 events in the range there is no b. Beside b stands
 3b/2, the slope per unit of Mw to the base 10 (Gutenberg and Richter's b). --csv writes the events that count, a line each.
 --label names an option whose value is shown in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.

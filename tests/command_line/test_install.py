@@ -56,6 +56,39 @@ def said(*words, **settings):
     return done.stdout
 
 
+ZSH = """
+zmodload zsh/zpty
+zpty shell zsh -f -i
+zpty -w shell "PS1=; fpath=($1 \\$fpath); autoload -Uz compinit; compinit -u -D"
+zpty -w shell "compadd() { builtin compadd -O found \\"\\$@\\"; print -rl -- \\${found/#/FOUND:}; }"
+zpty -w shell "zle -C complete-word .complete-word _main_complete; bindkey '^I' complete-word"
+zpty -n -w shell "$2"$'\\t'
+integer quiet=0
+repeat 1000; do  # until nothing has come for a while behind what was found (the first FOUND: is the echo of the line above)
+  if zpty -r -t shell line; then all+=$line quiet=0; else sleep 0.02; quiet+=1; fi
+  [[ $all == *FOUND:*FOUND:* ]] && ((quiet > 20)) && break
+done
+print -r -- $all
+zpty -d shell
+"""
+
+
+@pytest.mark.skipif(not shutil.which("zsh"), reason="zsh is not installed")
+@pytest.mark.parametrize("words, offered", [
+    ("stickslip ", {"run", "boundary", "sweep"}), ("stickslip run -ts_ty", {"-ts_type"}), ("stickslip run -ts_type ", {"rk:5dp", "arkimex:4"}),
+    ("stickslip boundary -boundary_parameter model_", {"model_v", "model_zeta"}), ("stickslip fit -fit_parameters friction_a,", {"model_k0"})])
+def test_completion_of_zsh(words, offered):
+    """In a real one, at a terminal of its own."""
+    os.mkdir("functions")
+    shutil.copy(os.path.join(SOURCE, "scripts", "completion.zsh"), "functions/_stickslip")
+    os.mkdir("bin")
+    os.symlink(PROGRAM, "bin/stickslip")
+    done = subprocess.run(["zsh", "-f", "-c", ZSH, "zsh", os.path.abspath("functions"), words], capture_output=True, text=True, check=True,
+                          env={**os.environ, "PATH": os.path.abspath("bin") + os.pathsep + os.environ["PATH"]}, timeout=60)
+    found = set(re.findall(r"FOUND:(\S+)", done.stdout))
+    check(offered <= found, f"{words!r}: {found or done.stdout}")
+
+
 @pytest.mark.skipif(SANITIZED, reason="a program of others is not built with the sanitizers")
 def test_installed():
     prefix = os.path.abspath("prefix")
