@@ -6,9 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/options/library_options.hpp"

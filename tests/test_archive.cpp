@@ -4,11 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "base/broadcast.hpp"
-#include "base/local_copy.hpp"
 #include "catch.hpp"
-#include "stickslip/base/handle.hpp"
-#include "stickslip/output/archive.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
+#include "stickslip/output/checkpoint.hpp"
 
 using namespace stickslip;
 

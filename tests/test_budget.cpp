@@ -1,6 +1,6 @@
-// What a search may do at most: base/budget.hpp, and the search for ends of stick-slip.
+// What a search may do at most: base/pulse.hpp, and the search for ends of stick-slip.
+#include "base/pulse.hpp"
 #include "catch.hpp"
-#include "base/budget.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 

@@ -12,7 +12,7 @@
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/study/medium_lines.hpp"
+#include "stickslip/study/verify.hpp"
 
 using namespace stickslip;
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "catch.hpp"
-#include "output/regions.hpp"
+#include "output/catalogue.hpp"
 #include "stickslip/output/events.hpp"
 
 using namespace stickslip;

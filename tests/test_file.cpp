@@ -17,20 +17,16 @@
 #include <limits>
 #include <sstream>
 
-#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "base/scatter.hpp"
 #include "catch.hpp"
-#include "stickslip/base/handle.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/output/checkpoint.hpp"
-#include "stickslip/output/field.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/result_file.hpp"
 #include "stickslip/output/run_file.hpp"
-#include "stickslip/output/slab.hpp"
 #include "stickslip/output/summary.hpp"
-#include "stickslip/study/run_layout.hpp"
+#include "stickslip/study/size.hpp"
 
 using namespace stickslip;
 

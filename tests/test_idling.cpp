@@ -5,12 +5,12 @@
 #include <random>
 #include <string>
 
-#include "base/broadcast.hpp"
-#include "base/idling.hpp"
+#include "base/process.hpp"
 #include "base/pulse.hpp"
 #include "catch.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 using namespace stickslip;

@@ -5,12 +5,12 @@
 #include <cmath>
 
 #include "catch.hpp"
-#include "study/simulate.hpp"
-#include "study/step_forecast.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/study/limits.hpp"
+#include "stickslip/study/chart.hpp"
 #include "stickslip/study/step_audit.hpp"
+#include "study/simulate.hpp"
+#include "study/step_forecast.hpp"
 
 using namespace stickslip;
 

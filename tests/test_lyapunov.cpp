@@ -5,7 +5,7 @@
 #include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/output/archive.hpp"
+#include "stickslip/output/checkpoint.hpp"
 #include "stickslip/stability/tangents.hpp"
 #include "stickslip/time/time.hpp"
 #include "study/lyapunov.hpp"

@@ -6,12 +6,11 @@
 #include <random>
 #include <vector>
 
-#include "base/local_values.hpp"
 #include "catch.hpp"
-#include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
 #include "output/regime_classifier.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/trial.hpp"
 #include "study/simulate.hpp"

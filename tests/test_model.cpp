@@ -1,11 +1,11 @@
 // The semi-discrete system: stencils and ends, halo over ranks, Jacobians, spread.
 #include <cmath>
 
-#include "base/broadcast.hpp"
 #include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 

@@ -9,11 +9,11 @@
 #include "base/failure.hpp"
 #include "catch.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/base/vectors.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/model/scene.hpp"
 
 using namespace stickslip;
 

@@ -4,7 +4,7 @@
 
 #include "catch.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/options/scene_file.hpp"
+#include "stickslip/options/command_line.hpp"
 
 using namespace stickslip;
 using Catch::Matchers::StartsWith;

@@ -3,7 +3,7 @@
 #include <ctime>
 
 #include "catch.hpp"
-#include "commands/wave_options.hpp"
+#include "commands/problems.hpp"
 #include "numerics/condensed_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/waves/train.hpp"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <ctime>
 
-#include "base/paths.hpp"
+#include "base/process.hpp"
 #include "revision.hpp"
 #include "stickslip/base/error.hpp"
 

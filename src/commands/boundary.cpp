@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "commands/boundary_output.hpp"
-#include "commands/cycle_problem.hpp"
-#include "commands/table.hpp"
+#include "commands/command.hpp"
+#include "commands/problems.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/cycle.hpp"
@@ -15,7 +14,6 @@
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/stability/boundary.hpp"
-#include "stickslip/study/medium_lines.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/verify.hpp"
 #include "study/forced_boundary.hpp"

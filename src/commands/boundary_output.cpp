@@ -1,4 +1,4 @@
-#include "commands/boundary_output.hpp"
+#include "commands/problems.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <map>
 
-#include "base/names.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 

@@ -4,10 +4,9 @@
 
 #include <cmath>
 
-#include "base/names.hpp"
-#include "commands/command_run.hpp"
-#include "commands/table.hpp"
+#include "commands/command.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "study/fit.hpp"
 

@@ -11,12 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "commands/command_run.hpp"
-#include "commands/table.hpp"
+#include "commands/command.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
-#include "stickslip/options/library_options.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/options/library_options.hpp"
 
 namespace stickslip {
 

@@ -11,9 +11,7 @@
 
 #include "base/process.hpp"
 #include "base/pulse.hpp"
-#include "commands/command_run.hpp"
-#include "commands/rank_groups.hpp"
-#include "commands/table.hpp"
+#include "commands/command.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/command_line.hpp"

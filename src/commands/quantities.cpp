@@ -1,6 +1,5 @@
 #include "commands/quantities.hpp"
 
-#include "output/loaded_mean.hpp"
 #include "output/series.hpp"
 
 namespace stickslip {

@@ -1,9 +1,8 @@
 // A run in which only what slides is advanced (time/clusters.hpp): with stick_clusters.
 #include <fmt/format.h>
 
-#include "base/broadcast.hpp"
-#include "base/progress.hpp"
-#include "commands/rank_groups.hpp"
+#include "base/pulse.hpp"
+#include "commands/command.hpp"
 #include "commands/run_session.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"

@@ -9,20 +9,15 @@
 #include <limits>
 #include <set>
 
-#include "base/broadcast.hpp"
-#include "base/local_copy.hpp"
 #include "commands/quantities.hpp"
-#include "output/frames.hpp"
 #include "output/measures.hpp"
-#include "output/rest_fraction.hpp"
 #include "output/series.hpp"
-#include "output/travel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/study/run_layout.hpp"
 #include "stickslip/study/size.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"

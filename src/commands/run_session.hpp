@@ -7,18 +7,16 @@
 #include <optional>
 #include <vector>
 
-#include "base/progress.hpp"
-#include "commands/run_control.hpp"
+#include "base/pulse.hpp"
+#include "commands/command.hpp"
 #include "output/catalogue.hpp"
-#include "output/maxima.hpp"
 #include "output/measures.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/output/archive.hpp"
+#include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/displacement.hpp"
-#include "stickslip/output/measure.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/output/run_file.hpp"

@@ -6,14 +6,12 @@
 #include <map>
 #include <optional>
 
-#include "base/broadcast.hpp"
-#include "base/names.hpp"
-#include "base/paths.hpp"
-#include "commands/command_run.hpp"
+#include "base/process.hpp"
+#include "commands/command.hpp"
 #include "commands/sweep_session.hpp"
-#include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 

@@ -9,17 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "base/paths.hpp"
+#include "base/process.hpp"
 #include "base/pulse.hpp"
-#include "output/carried_frame.hpp"
-#include "output/summary_kept.hpp"
-#include "output/sweep_table.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
 #include "stickslip/study/size.hpp"
 
 namespace stickslip {

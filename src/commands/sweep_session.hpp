@@ -9,11 +9,9 @@
 #include <vector>
 
 #include "base/json_values.hpp"
-#include "base/progress.hpp"
-#include "commands/rank_groups.hpp"
-#include "commands/run_control.hpp"
-#include "commands/table.hpp"
-#include "output/sweep_table.hpp"
+#include "base/pulse.hpp"
+#include "commands/command.hpp"
+#include "output/table.hpp"
 #include "stickslip/options/options.hpp"
 #include "study/sweep_plan.hpp"
 

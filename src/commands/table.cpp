@@ -1,19 +1,18 @@
-#include "commands/table.hpp"
+#include "commands/command.hpp"
 
-#include <slepceps.h>
 #include <petscdmda.h>
 #include <petscts.h>
+#include <slepceps.h>
 
 #include <fmt/format.h>
-
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
 #include "stickslip/base/provenance.hpp"
-#include "stickslip/study/limits.hpp"
+#include "stickslip/base/vectors.hpp"
+#include "stickslip/study/chart.hpp"
 #include "stickslip/time/methods.hpp"
 
 namespace stickslip {
@@ -198,6 +197,21 @@ void print_library_help() {
   Handle<EPS, EPSDestroy> eps;
   SS_TRY(EPSCreate(PETSC_COMM_WORLD, eps.out()));
   SS_TRY(EPSSetFromOptions(eps));
+}
+
+// The command `chart`: error against seconds, or where each method fails.
+
+namespace {
+
+int chart(const Options& options) {
+  return options.text("chart_kind") == "limits" ? chart_limits(options) : chart_errors(options);
+}
+
+}  // namespace
+
+Command chart_command() {
+  return {"chart", "the same scene by many methods: error against seconds, or where each method fails", chart,
+          true, chart_tables};
 }
 
 }  // namespace stickslip

@@ -4,12 +4,11 @@
 
 #include <cmath>
 
-#include "commands/command_run.hpp"
-#include "commands/table.hpp"
-#include "commands/wave_options.hpp"
+#include "commands/command.hpp"
+#include "commands/problems.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/study/run_layout.hpp"
+#include "stickslip/study/size.hpp"
 
 namespace stickslip {
 

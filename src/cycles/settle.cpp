@@ -7,14 +7,12 @@
 #include <limits>
 #include <optional>
 
-#include "base/budget.hpp"
-#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/settle.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scales.hpp"

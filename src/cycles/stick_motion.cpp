@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "base/budget.hpp"
+#include "base/pulse.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "base/idling.hpp"
+#include "base/process.hpp"
 #include "model/right_hand_side.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/cycles/cycle.hpp"

@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/local_values.hpp"
 #include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
 
 namespace stickslip {

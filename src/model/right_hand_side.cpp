@@ -5,13 +5,12 @@
 #include <cmath>
 #include <limits>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/model.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"
 

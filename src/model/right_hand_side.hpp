@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "model/loops.hpp"
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"

@@ -7,9 +7,9 @@
 #include <optional>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "model/dispatch.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"

@@ -7,8 +7,8 @@
 #include <limits>
 #include <type_traits>
 
-#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 
 // PETSc does not declare these of LAPACK.
 extern "C" {

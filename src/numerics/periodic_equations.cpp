@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/budget.hpp"
 #include "base/pulse.hpp"
 #include "numerics/condensed_period.hpp"
 #include "stickslip/base/error.hpp"

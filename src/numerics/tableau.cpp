@@ -6,8 +6,8 @@
 
 #include <Eigen/Dense>
 
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/vectors.hpp"
 
 namespace stickslip {
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,3 @@
-#include "options/columns.hpp"
 
 #include <algorithm>
 #include <cerrno>

@@ -4,14 +4,11 @@
 #include <cstdlib>
 #include <set>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
 #include "base/json_values.hpp"
-#include "options/columns.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
-#include "stickslip/options/scene_file.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "stickslip/options/scene_file.hpp"
+#include "stickslip/options/command_line.hpp"
 
 #include <sys/stat.h>
 #include <yaml.h>

@@ -6,11 +6,10 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "output/regions.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/output/field.hpp"
+#include "stickslip/output/result_file.hpp"
 
 namespace stickslip {
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <vector>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "model/moved_nodes.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 

@@ -8,13 +8,12 @@
 #include <set>
 #include <stdexcept>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "model/loops.hpp"
 #include "model/moved_nodes.hpp"
-#include "output/field_loops.hpp"
-#include "output/node_halo.hpp"
-#include "output/regions.hpp"
+#include "output/catalogue.hpp"
+#include "output/field_watch.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"

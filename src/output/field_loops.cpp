@@ -1,4 +1,4 @@
-#include "output/field_loops.hpp"
+#include "output/field_watch.hpp"
 
 #include <algorithm>
 #include <cmath>

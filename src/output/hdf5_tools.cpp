@@ -14,12 +14,11 @@
 #include <map>
 #include <stdexcept>
 
-#include "base/broadcast.hpp"
 #include "base/json.hpp"
-#include "base/names.hpp"
-#include "base/paths.hpp"
+#include "base/process.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip::h5 {

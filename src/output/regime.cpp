@@ -5,17 +5,16 @@
 #include <cmath>
 #include <limits>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
-#include "base/log_stage.hpp"
+#include "base/pulse.hpp"
 #include "output/field_watch.hpp"
-#include "output/forward.hpp"
 #include "output/regime_classifier.hpp"
-#include "output/repeats.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/output/observer.hpp"
 
 namespace stickslip {
 

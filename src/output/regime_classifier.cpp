@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "numerics/straight_line.hpp"
-#include "output/repeats.hpp"
+#include "output/field_watch.hpp"
 
 namespace stickslip {
 

@@ -4,7 +4,7 @@
 // cells: then at the same nodes of that cell), every accepted step is looked at: the least and the largest
 // psi in each window of time, how often psi passes its value in steady sliding upwards, and when it last did.
 // Within a step an extremum, a passage, and psi where a window begins are those of its course
-// (step_course.hpp), so that they do not depend on where steps fall (error dt^4). The windows are equally
+// (field_watch.hpp), so that they do not depend on where steps fall (error dt^4). The windows are equally
 // long; when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
 // windows, however many steps it takes; that of a run stopped long before its end in half as many as it has
 // taken steps, if these are fewer. Costs the same at any number of nodes; nothing is communicated before
@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "model/moved_nodes.hpp"
-#include "output/step_course.hpp"
+#include "output/field_watch.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/regime.hpp"
@@ -27,7 +27,7 @@
 namespace stickslip {
 
 // What was seen, window by window and place by place (value [window * places + place]); of forward * psi
-// (forward.hpp).
+// (observer.hpp).
 struct MotionRecord {
   double begin = 0, window = 0, t = 0;  // of the first window; length of each; time reached
   std::size_t windows = 0, places = 0;

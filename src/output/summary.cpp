@@ -13,11 +13,10 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/found_until.hpp"
 #include "base/json_values.hpp"
-#include "base/names.hpp"
-#include "base/paths.hpp"
-#include "output/summary_kept.hpp"
+#include "base/process.hpp"
+#include "base/pulse.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"

@@ -8,9 +8,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
-#include "output/forward.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
+#include "stickslip/output/observer.hpp"
 
 namespace stickslip {
 

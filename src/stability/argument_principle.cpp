@@ -11,9 +11,9 @@
 #include <limits>
 #include <utility>
 
-#include "base/broadcast.hpp"
 #include "model/kernel.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/spectrum.hpp"
 

@@ -7,8 +7,8 @@
 #include <limits>
 #include <utility>
 
-#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip {
 

@@ -12,13 +12,11 @@
 #include <string>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/found_until.hpp"
-#include "base/local_values.hpp"
-#include "base/log_stage.hpp"
+#include "base/pulse.hpp"
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 

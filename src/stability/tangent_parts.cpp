@@ -5,9 +5,9 @@
 #include <limits>
 #include <numeric>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "numerics/tableau.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {

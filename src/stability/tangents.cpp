@@ -7,11 +7,11 @@
 
 #include <Eigen/Cholesky>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/local_values.hpp"
 #include "model/stick_rule.hpp"
 #include "stability/tangent_parts.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/collocation.hpp"
 

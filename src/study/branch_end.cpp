@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 
-#include "base/budget.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/cycle.hpp"

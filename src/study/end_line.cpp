@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/budget.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 

@@ -12,13 +12,12 @@
 
 #include <Eigen/Dense>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/found_until.hpp"
-#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "options/values.hpp"
-#include "output/travel.hpp"
+#include "output/series.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/options/library_options.hpp"

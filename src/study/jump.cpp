@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/output/probe.hpp"

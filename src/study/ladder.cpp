@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 
-#include "base/broadcast.hpp"
 #include "options/values.hpp"
 #include "output/measures.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/collocation.hpp"

@@ -10,7 +10,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/output/measure.hpp"
+#include "stickslip/output/observer.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/study/trial.hpp"
 #include "stickslip/time/time.hpp"

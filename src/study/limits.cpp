@@ -1,4 +1,4 @@
-#include "stickslip/study/limits.hpp"
+#include "stickslip/study/chart.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/output/observer.hpp"

@@ -7,12 +7,11 @@
 #include <limits>
 #include <stdexcept>
 
-#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "base/local_copy.hpp"
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/base/vectors.hpp"
 
 namespace stickslip {
 

@@ -51,7 +51,7 @@ class GrowthAverage {
   double measured() const { return measured_; }  // time over which
   std::vector<Estimate> exponents() const;
 
-  // All that a later object needs to go on, as a list of this name (output/archive.hpp).
+  // All that a later object needs to go on, as a list of this name (output/checkpoint.hpp).
   template <class Archive>
   void archive(const std::string& name, Archive& a) {
     a.list(name, [&](auto& x) {

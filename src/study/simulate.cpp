@@ -4,7 +4,6 @@
 #include <cmath>
 #include <optional>
 
-#include "base/log_stage.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/trial.hpp"

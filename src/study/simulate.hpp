@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "output/cluster_events.hpp"
+#include "output/catalogue.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/clusters.hpp"

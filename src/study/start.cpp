@@ -7,13 +7,11 @@
 #include <limits>
 #include <optional>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/local_values.hpp"
-#include "options/columns.hpp"
-#include "output/carried_frame.hpp"
+#include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/scales.hpp"

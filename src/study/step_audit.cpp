@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/stability/fastest_wave.hpp"

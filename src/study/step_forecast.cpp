@@ -7,8 +7,8 @@
 #include <optional>
 #include <set>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/model/stencil.hpp"

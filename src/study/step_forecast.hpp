@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "numerics/tableau.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/numerics/roots.hpp"

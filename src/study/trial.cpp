@@ -10,10 +10,10 @@
 #include <tuple>
 #include <utility>
 
-#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/model/friction.hpp"
-#include "stickslip/output/slab.hpp"
+#include "stickslip/output/run_file.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
 #include "study/simulate.hpp"

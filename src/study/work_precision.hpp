@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/progress.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/study/chart.hpp"
 
 namespace stickslip {

@@ -17,7 +17,7 @@
 #include "model/kernel.hpp"
 #include "model/loops.hpp"
 #include "numerics/tableau.hpp"
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/tiles.hpp"

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/broadcast.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip {
 

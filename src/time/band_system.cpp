@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {

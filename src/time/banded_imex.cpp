@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/local_values.hpp"
 #include "model/right_hand_side.hpp"
 #include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/vectors.hpp"
 
 namespace stickslip {
 

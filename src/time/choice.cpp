@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/stick.hpp"

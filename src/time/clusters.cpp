@@ -4,8 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/time/stick.hpp"
 

@@ -29,7 +29,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/idling.hpp"
+#include "base/process.hpp"
 #include "model/loops.hpp"
 #include "model/moved_nodes.hpp"
 #include "model/stick_rule.hpp"
@@ -343,7 +343,7 @@ class Clusters : public MediumNow {
   void cut_back(std::size_t id, double t);
   void release_due(double t);
   void regroup(double t);
-  double same_time() const { return 1e-13 * first_dt_; }  // base/idling.hpp
+  double same_time() const { return 1e-13 * first_dt_; }  // base/process.hpp
   void decide(PetscInt i);
   void form(double t);
   void gather(PetscInt first, PetscInt count, double t);

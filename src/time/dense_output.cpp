@@ -6,9 +6,9 @@
 #include <cmath>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 
 namespace stickslip {

@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/log_stage.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/time/methods.hpp"
 
 namespace stickslip {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "base/idling.hpp"
+#include "base/process.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
@@ -283,7 +283,7 @@ struct Drive {
   TimeReport report;
   long evaluations_before = 0;
   Idling idling;
-  double same_time = 0;  // what is no later than that is at one time (base/idling.hpp)
+  double same_time = 0;  // what is no later than that is at one time (base/process.hpp)
 
   explicit Drive(const Model& model) : idling(model.comm()) {
     if (const double frequency = model.wave_frequency(); frequency > 0) same_time = 1e-14 / frequency;

@@ -6,10 +6,10 @@
 
 #include "base/failure.hpp"
 #include "numerics/tableau.hpp"
-#include "options/library_names.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/options/library_options.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/band.hpp"
 #include "time/methods.hpp"

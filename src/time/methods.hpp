@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "numerics/tableau.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/tiles.hpp"
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <utility>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "model/implicit_kernel.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/methods.hpp"

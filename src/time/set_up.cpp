@@ -7,10 +7,10 @@
 #include <petscdmshell.h>
 
 #include "base/failure.hpp"
-#include "base/local_values.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "time/methods.hpp"
 #include "time/integrator_impl.hpp"
+#include "time/methods.hpp"
 
 namespace stickslip {
 
@@ -184,7 +184,7 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
   PetscReal longest;
   SS_TRY(TSAdaptGetStepLimits(adapt, &floor, &longest));
   clock_limits = model.friction_law(0).steep;
-  // the library's 1e-20 is of one unit; what shrinks below the digits of the time is found out (base/idling)
+  // the library's 1e-20 is of one unit; what shrinks below the digits of the time is found out (base/process)
   if (!can.multistep && !user_set(prefix, "ts_adapt_dt_min"))
     SS_TRY(TSAdaptSetStepLimits(adapt, floor = 0, longest));
   if (user_set(prefix, "ts_adapt_always_accept"))

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "base/local_values.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
 
 namespace stickslip {

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/local_values.hpp"
 #include "model/stick_rule.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "time/integrator_impl.hpp"

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <limits>
 
-#include "base/broadcast.hpp"
-#include "base/local_values.hpp"
 #include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/frictions.hpp"
 
 namespace stickslip {

@@ -16,12 +16,10 @@
 #include <utility>
 #include <vector>
 
-#include "base/local_values.hpp"
 #include "model/kernel.hpp"
 #include "model/loops.hpp"
 #include "numerics/tableau.hpp"
-#include "stickslip/base/handle.hpp"
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/time/time.hpp"

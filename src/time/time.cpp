@@ -6,12 +6,11 @@
 #include <limits>
 #include <utility>
 
-#include "base/broadcast.hpp"
 #include "base/failure.hpp"
-#include "base/local_copy.hpp"
-#include "base/local_values.hpp"
 #include "model/right_hand_side.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {

@@ -8,7 +8,7 @@
 
 #include "bench.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/options/options.hpp"

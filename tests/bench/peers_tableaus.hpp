@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 
 namespace peers {
 

@@ -57,7 +57,7 @@ def test_the_list_is_that_of_the_source():
 def test_the_way_of_a_frame_is_that_of_the_source():
     calls = listed("The way of a frame")
     assert 4 < len(calls) <= MOST_OF_A_FRAME, calls
-    way = [("Frames::write", "output/frames.cpp")] + calls
+    way = [("Frames::write", "output/series.cpp")] + calls
     # what flush() hands to collect(), and direct() to put(), is called by those
     from_hand = {"collect": calls[1], "RunFile::Impl::give_frames": calls[1], "Column::put": ("direct", calls[1][1])}
     for caller, (following, _) in zip(way[:-1], way[1:]):

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/broadcast.hpp"
 #include "base/json_values.hpp"
-#include "base/local_values.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 

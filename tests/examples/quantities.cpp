@@ -1,7 +1,6 @@
 #include "commands/quantities.hpp"
 
 #include "fastest.hpp"
-#include "output/loaded_mean.hpp"
 #include "output/series.hpp"
 
 namespace stickslip {

@@ -1,6 +1,7 @@
 // Text for people: numbers, names, what was typed. Local to the process.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -34,5 +35,37 @@ std::vector<std::string> split(const std::string& text, char separator);
 std::string joined(const std::vector<std::string>& parts, const std::string& separator = ", ");
 // Without blanks and tabs at its ends.
 std::string trimmed(const std::string& text);
+
+// What quantities are measured in and what options are called in words for people: the options units_* and
+// labels. The one place that knows the unit of a quantity, by its dimension in length, time and force. No
+// number depends on any of it. Noted once, as a command begins; local to the process.
+struct Names {
+  // texts of the user's, "" where they were not given
+  std::string length, time, force;
+  // Of a chain places are counted in blocks: what is measured along it (x, speeds of waves) has no length.
+  bool counts_blocks = false;
+  std::map<std::string, std::string> labels;  // option to words
+};
+void note_names(Names names);
+const Names& names();
+
+// "m^2/s" for the dimension "length^2/time", written as columns and options do: length, time, force, velocity
+// and powers of them; of "A; chain: B" what holds for the form. "" where that is 1 or nothing known, or where
+// the units that it takes were not given. `name`: of the quantity or option.
+std::string unit_of(const std::string& dimension, const std::string& name = "");
+// A number as text, with the unit behind it.
+std::string in_unit(const std::string& number, const std::string& dimension, const std::string& name = "");
+std::string in_unit(double value, int digits, const std::string& dimension, const std::string& name = "");
+// "0.01227 +- 0.00031": down to the second digit of the error; six digits of the value where that is unknown.
+std::string with_error(double value, double error);
+// A frequency in radians a unit of time: "623 1/s (99.2 Hz)"; the number alone without a unit of time.
+std::string frequency_text(double value, int digits);
+// "0.0101 s (99.2 Hz)".
+std::string period_text(double value, int digits);
+// The amplitude of a velocity that is a sine of the frequency `omega`, with those of displacement and
+// acceleration beside it where units are given: "0.2 m/s (displacement 3.2e-4 m, acceleration 125 m/s^2)".
+std::string amplitude_text(double value, double omega, int digits);
+// What an option is called: its label, or its name.
+std::string called(const std::string& option);
 
 }  // namespace stickslip

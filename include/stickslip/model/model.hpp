@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/base/handle.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"

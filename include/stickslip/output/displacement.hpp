@@ -11,7 +11,7 @@
 // An error e of eta is one of up to S e in chi, S the largest row sum of (K0 - K1 D2)^-1, 1/K0 without held
 // ends: on weak springs more than chi itself is. An error e of psi over its size is one of e times the way
 // that is gone. So where S is more than ten times that way, chi is counted: that of the forces at the start,
-// and the integral of psi since then, node by node (output/travel.hpp). By count_is_better() a run decides it
+// and the integral of psi since then, node by node (output/series.hpp). By count_is_better() a run decides it
 // at its start, from the way that the plate goes in it, or the nodes would at their first psi.
 //
 // Between free ends and on a ring of a chain without springs to the plate (k0 = 0) the forces do not tell
@@ -38,7 +38,7 @@
 #include <optional>
 #include <vector>
 
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 

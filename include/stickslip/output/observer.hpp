@@ -28,9 +28,12 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "stickslip/output/archive.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/output/summary.hpp"
 
@@ -98,6 +101,28 @@ void register_observer(OwnObserver observer);
 template <class T>
 void register_observer() {
   register_observer({T::keys(), [](const Model& model) { return std::make_unique<T>(model); }});
+}
+
+// An observer whose result is numbers: what -accuracy_of asks for.
+class Measure : public Observer {
+ public:
+  // What was measured so far, the same on every rank; empty where the motion has none. Collective.
+  virtual std::vector<double> values() const = 0;
+};
+
+// Makes one for a model, which may be one of several equal cells of the scene `whole`; it lives no longer
+// than the model.
+using MeasureMaker = std::function<std::unique_ptr<Measure>(const Model& model, const Scene& whole)>;
+
+// What is looked at from one side only, the maxima of psi and its upward passages, is looked at from the side
+// to which the plate goes, so that the mirror image of a motion is measured as the motion itself is.
+
+// 1, or -1 where the plate goes backward: forward * psi is positive along its way.
+inline double forward(const Scene& scene) { return scene.v < 0 ? -1 : 1; }
+
+// The name in a checkpoint of what was seen in this direction.
+inline std::string seen_from(const Scene& scene, const std::string& name) {
+  return scene.v < 0 ? name + ".backward" : name;
 }
 
 }  // namespace stickslip

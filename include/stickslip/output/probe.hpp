@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/base/node_fetch.hpp"
+#include "stickslip/base/vectors.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
 

@@ -57,7 +57,7 @@ class Tangents {
   void renew();
 
   const std::vector<VecHandle>& vectors() const { return y_; }
-  // What a later object needs to go on alike (output/archive.hpp): the vectors, the directions of the last
+  // What a later object needs to go on alike (output/checkpoint.hpp): the vectors, the directions of the last
   // step in the place of psi, and what has been counted.
   template <class Archive>
   void archive(Archive& a) {

@@ -24,7 +24,10 @@
 #pragma once
 
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/scene.hpp"
 #include "stickslip/options/options.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/output/run_file.hpp"
 
 namespace stickslip {
 
@@ -41,5 +44,15 @@ void check_size_of_run(const Options& options, const Model& model, Vec u);
 
 // b of such a run. Collective.
 double bytes_a_node(const Options& options, const Model& model, Vec u);
+
+// What the file of a run says of its scene.
+
+// All that follows from a scene: x, the fields psi, eta and tau or theta; as numbers the coefficients A, B,
+// K0, K1, s_delta and v of the one system and, where uniform sliding exists, its steady_eta and steady_stable
+// (1 or 0, to perturbations of every wavelength of the grid); the table of friction (amplitude 1). To be
+// completed by the slab, probes, series, frames. Not collective.
+RunLayout run_layout(const Scene& scene);
+// Those numbers and the table of friction, to a file that is written in one piece.
+void add_scene(ResultFile& file, const Scene& scene);
 
 }  // namespace stickslip

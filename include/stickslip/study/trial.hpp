@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "stickslip/model/model.hpp"
-#include "stickslip/options/options.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/output/measure.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/output/observer.hpp"
 #include "stickslip/output/probe.hpp"
 #include "stickslip/time/methods.hpp"
 
