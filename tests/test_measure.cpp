@@ -340,6 +340,6 @@ TEST_CASE(
   Integrator another(model, MethodSpec(), u);
   simulate(another, u, {0, 50, 1000, 0, &watching}, {&few}, stop);
   CHECK(few.end.size() == 3);
-  CHECK(another.report().reason == "stopped");
+  CHECK(another.report().stop == Stop::asked);
   CHECK(watching > 0);
 }

@@ -286,7 +286,7 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
     last = all;
     return Integrator::Verdict::go_on;
   });
-  CHECK(report.reason == "end time");
+  CHECK(report.stop == Stop::end_time);
   CHECK(report.t == 60);
   CHECK(rests > rows / 20);
   CHECK(beyond < 1e-11);

@@ -1,5 +1,5 @@
-// What a long computation tells while it goes on, and what ends it: lines of -log_view, progress, the pulse of a
-// search, signals, and how much work it may do.
+// What a long computation tells while it goes on, and what ends it: lines of -log_view, progress, the pulse
+// of a search, signals, and how much work it may do.
 #pragma once
 
 #include <petsclog.h>

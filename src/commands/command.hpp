@@ -1,5 +1,5 @@
-// What commands share: their list, a command from its options to its summary, groups of ranks, and how runs are
-// ended.
+// What commands share: their list, a command from its options to its summary, groups of ranks, and how runs
+// are ended.
 #pragma once
 
 #include <petscsys.h>

@@ -1,4 +1,5 @@
-// What `cycle`, `wave` and `boundary` have in common: the orbits that options ask for, and how they are written.
+// What `cycle`, `wave` and `boundary` have in common: the orbits that options ask for, and how they are
+// written.
 #pragma once
 
 #include <functional>

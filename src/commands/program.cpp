@@ -69,11 +69,20 @@ class Libraries {
     install_error_handler();
     register_time_steppers();
   }
+  // A stage of the library's own that nothing here enters: one that never was has no name in -log_view.
+  static void name_stages() {
+    PetscLogStage stage;
+    SS_TRY(PetscLogStageGetId("PCMPI", &stage));
+    if (stage < 0) return;
+    SS_TRY(PetscLogStagePush(stage));
+    SS_TRY(PetscLogStagePop());
+  }
   Libraries(const Libraries&) = delete;
   Libraries& operator=(const Libraries&) = delete;
   // Ends them; what they write last (-log_view) may fail.
   void end() {
     ended_ = true;
+    name_stages();
     SS_TRY(SlepcFinalize());
   }
   ~Libraries() {

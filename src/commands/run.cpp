@@ -368,10 +368,10 @@ Command run_command() { return {"run", "advances the scene in time", run, true, 
 int Run::ending(Summary& summary) const {
   const std::string checkpoint = last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_;
   const int signal = control_->signal();
-  const std::string limit = signal                                   ? ""
-                            : control_->wall_is_over()               ? "ts_max_wall"
-                            : time_report().reason == "ts_max_steps" ? "ts_max_steps"
-                                                                     : "";
+  const std::string limit = signal                                  ? ""
+                            : control_->wall_is_over()              ? "ts_max_wall"
+                            : time_report().stop == Stop::max_steps ? "ts_max_steps"
+                                                                    : "";
   if (!signal && limit.empty()) return 0;
   const std::string why =
       signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);

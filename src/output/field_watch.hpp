@@ -1,5 +1,5 @@
-// What observers look at psi with: the nodes beside those of a rank, the course of a node within a step, loops
-// over all nodes, what all nodes do, and whether what they do repeats itself.
+// What observers look at psi with: the nodes beside those of a rank, the course of a node within a step,
+// loops over all nodes, what all nodes do, and whether what they do repeats itself.
 #pragma once
 
 #include <petscsys.h>

@@ -101,34 +101,21 @@ struct AccuracyPlan::Impl {
     return std::min(order, double(request.corner_order));
   }
 
-  // Of level k: at a low order the finer of two errs by much of what the coarser does.
-  double error(std::size_t k) const {
-    return distances[k] / (1 - std::pow(fineness(levels[k]) / fineness(levels[k + 1]), best_order()));
+  // As the levels tell it.
+  FallingErrors errors() const {
+    FallingErrors told;
+    for (const Level& l : levels) told.fineness.push_back(fineness(l));
+    told.distances = distances;
+    told.best = best_order();
+    told.steady = steady();
+    told.least = has_space() ? 0.3 : 0.5;
+    told.unseen = steady()                      ? (has_space() ? told.best : slope_in_time())
+                  : request.corner_distance > 0 ? 0.75 * told.best
+                                                : told.best / 2;
+    return told;
   }
-
-  double rate(std::size_t k) const {
-    return std::log(error(k - 1) / error(k)) / std::log(fineness(levels[k]) / fineness(levels[k - 1]));
-  }
-
-  // Expected between the last two levels, and beyond the last.
-  double order_between() const {
-    const std::size_t known = distances.size();
-    const double best = best_order();
-    if (known < 2 && steady()) return has_space() ? best : slope_in_time();
-    if (known < 2) return request.corner_distance > 0 ? 0.75 * best : best / 2;
-    if (steady()) return std::clamp(rate(known - 1), has_space() ? 0.3 : 0.5, best);
-    return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), best);
-  }
-  double order_beyond() const {
-    if (steady() || distances.size() < 2) return order_between();
-    return expected_order(rate(distances.size() - 1), order_between(), best_order());
-  }
-
-  double predicted(double at) const {
-    const double before = fineness(levels[levels.size() - 2]), between = order_between();
-    const double of_last = distances.back() / (std::pow(last() / before, between) - 1);
-    return of_last * std::pow(last() / at, at > last() ? order_beyond() : between);
-  }
+  double rate(std::size_t k) const { return errors().rate(k); }
+  double predicted(double at) const { return errors().predicted(at); }
 
   // ---- the climb ----
 
@@ -219,7 +206,7 @@ struct AccuracyPlan::Impl {
   // Where the run is to be, as the levels predict it.
   Ahead look_ahead() const {
     const std::size_t known = distances.size();
-    const double best = best_order(), order = order_beyond(),
+    const double best = best_order(), order = errors().order_beyond(),
                  wanted = aim * (!has_space()  ? share_alone
                                  : runs.jump() ? share_beside_jump
                                                : share_of_space);
@@ -227,7 +214,7 @@ struct AccuracyPlan::Impl {
     // an order that has hardly begun to rise predicts nothing
     const bool resolved = steady() || distances.back() < (known < 2 ? 20 : 3) * wanted ||
                           (known > 1 && rate(known - 1) > 0.25 * best);
-    const bool sure = order_between() > 0.8 * best;
+    const bool sure = errors().order_between() > 0.8 * best;
     if (!has_space()) {
       const bool strictest = levels.back().tolerance <= 2 * least_tolerance;
       const double further =
@@ -392,7 +379,7 @@ struct AccuracyPlan::Impl {
     if (distances.empty()) return 1.2 * distance;
     const std::size_t known = distances.size();
     const double p = best_order(), of_last = predicted(last());
-    double order = order_beyond(), error = of_last;
+    double order = errors().order_beyond(), error = of_last;
     if (ratio < 0.97) {
       const double slow = known > 1 ? std::clamp(rate(known - 1), 0.5, p) : order;
       error = std::max(distance / (1 - std::pow(ratio, slow)), 0.3 * predicted(ratio * last()));
@@ -438,7 +425,8 @@ struct AccuracyPlan::Impl {
       give_up_in_time(setting.tolerance, last_estimate);
     aim *= 0.7;
     const double run = fineness(last_run);
-    const double stretch = std::pow(last_estimate / (share_alone * request.wanted), 1 / order_beyond());
+    const double order = errors().order_beyond();
+    const double stretch = std::pow(last_estimate / (share_alone * request.wanted), 1 / order);
     least = run * (has_space() ? std::clamp(stretch, 1., 2.) : std::max(2., stretch));
     if (has_space() && !space) {
       tolerance = std::max(least_tolerance, 0.1 * tolerance);
@@ -475,7 +463,7 @@ struct AccuracyPlan::Impl {
     what += fmt::format(", after {} short runs", runs.count());
     if (!distances.empty()) what += fmt::format("; error predicted in time {:.2g}", in_time);
     if (has_space() && !distances.empty())
-      what += fmt::format(", in space {:.2g} (falling like h^{:.2g}{})", in_space, order_between(),
+      what += fmt::format(", in space {:.2g} (falling like h^{:.2g}{})", in_space, errors().order_between(),
                           request.corner_order <= 2 ? ", as " + profile_word() + " along x" : "");
     if (!runs.why().empty()) what += "; " + runs.why();
   }

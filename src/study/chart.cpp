@@ -42,9 +42,11 @@ Table<ChartRow> chart_table() {
            {"seconds", "seconds of processor time", "processor time, median of the repetitions",
             [](Row r) { return r.repeats > 0 ? Json(r.seconds) : Json(); }, In::both, "cost"},
            {"repeats", "1", "repetitions", &ChartRow::repeats},
-           {"steps", "1", "steps", &ChartRow::steps},
-           {"rejections", "1", "steps taken back for their error", &ChartRow::rejections, In::summary},
-           {"rhs_evaluations", "1", "right-hand sides, or parts of them", &ChartRow::rhs_evaluations},
+           {"steps", "1", "steps", [](Row r) { return r.report.steps; }},
+           {"rejections", "1", "steps taken back for their error", [](Row r) { return r.report.rejections; },
+            In::summary},
+           {"rhs_evaluations", "1", "right-hand sides, or parts of them",
+            [](Row r) { return r.report.rhs_evaluations; }},
            {"failed", "1", "why there is no error", &ChartRow::failed},
            {"warnings", "", "lines of warning of this row", &ChartRow::warnings, In::summary},
            {"best", "1", "1 where no other row is as good in as little time", &ChartRow::best, In::file}}};
@@ -147,12 +149,6 @@ std::vector<std::size_t> chart_front(const std::vector<ChartRow>& rows) {
     front.push_back(i);
   }
   return front;
-}
-
-double error_of_finest(double before, double last, int order) {
-  const double rate = before / last;
-  if (!(rate > 2)) return 2 * last;
-  return 2 * last / std::min(rate, std::pow(2., order));
 }
 
 namespace {

@@ -219,7 +219,7 @@ std::vector<double> course_of(const FitProblem& problem, const Options& options)
   simulate(integrator, solved.u, {0, problem.times.back(), most_steps(options)}, {&course});
   std::vector<double> values = course.values();
   if (values.size() < problem.times.size())
-    throw Failure("the run ended before the last row of fit_data: " + integrator.report().reason);
+    throw Failure("the run ended before the last row of fit_data: ts_max_steps");
   return values;
 }
 

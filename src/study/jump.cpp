@@ -136,7 +136,7 @@ std::optional<double> Jump::height(const Options& options, const Setting& settin
                                 [&](const Model& model, const Scene& whole) {
                                   return std::make_unique<HeightAhead>(model, whole, *this, start_);
                                 });
-  if (!trial.failed.empty()) return std::nullopt;
+  if (!trial.is_answer()) return std::nullopt;
   return trial.measured[0];
 }
 

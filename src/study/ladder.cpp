@@ -109,6 +109,33 @@ double expected_order(double earlier, double last, double p) {
   return rise > 0.3 ? last + std::min({(p - last) / 2, 0.8 * last, 1.5 * rise}) : last;
 }
 
+// At a low order the finer of two errs by much of what the coarser does.
+double FallingErrors::error(std::size_t k) const {
+  return distances[k] / (1 - std::pow(fineness[k] / fineness[k + 1], best));
+}
+
+double FallingErrors::rate(std::size_t k) const {
+  return std::log(error(k - 1) / error(k)) / std::log(fineness[k] / fineness[k - 1]);
+}
+
+double FallingErrors::order_between() const {
+  const std::size_t known = distances.size();
+  if (known < 2) return unseen;
+  if (steady) return std::clamp(rate(known - 1), least, best);
+  return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), best);
+}
+
+double FallingErrors::order_beyond() const {
+  if (steady || distances.size() < 2) return order_between();
+  return expected_order(rate(distances.size() - 1), order_between(), best);
+}
+
+double FallingErrors::predicted(double at) const {
+  const double last = fineness.back(), before = fineness[fineness.size() - 2], between = order_between();
+  const double of_last = distances.back() / (std::pow(last / before, between) - 1);
+  return of_last * std::pow(last / at, at > last ? order_beyond() : between);
+}
+
 // ---- what is asked ----
 
 AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
@@ -223,18 +250,19 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
   if (may_stop) s.most_attempts = most_explicit_steps(n);
   ++count_;
   Trial made = trial(s, std::max(1., request_.options.real("accuracy_seconds") - spent_));
-  if (may_stop && made.fault == Fault::too_many_steps && made.t > 0)
-    explicit_steps_seen_ = double(made.steps + made.rejections) * at_start_.t_end() / made.t;
-  double most[2] = {made.seconds, made.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
+  const TimeReport& report = made.report;
+  const std::int64_t attempts = report.steps + report.rejections;
+  if (may_stop && made.fault == Fault::too_many_steps && report.t > 0)
+    explicit_steps_seen_ = double(attempts) * at_start_.t_end() / report.t;
+  double most[2] = {made.seconds, made.is_answer() ? 0. : 1.};  // a rank may find that it takes too long
   largest_over(PETSC_COMM_WORLD, most, 2);
   spent_ += most[0];
   if (most[1] > 0)
     throw OutOfReach{fmt::format("{}{} at tolerance {:.2g}: {}", setting_.method.name(),
                                  request_.has_space ? fmt::format(" on {} nodes", n) : "", tolerance,
-                                 made.failed.empty() ? "it took too long" : made.failed)};
+                                 made.is_answer() ? "it took too long" : made.failed)};
   Answer answer{std::move(made.end), std::move(made.measured)};
-  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), made.steps,
-          made.steps + made.rejections,        most[0]};
+  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), report.steps, attempts, most[0]};
 }
 
 Trial LevelRuns::trial(const Setting& s, double limit) const {
@@ -244,10 +272,8 @@ Trial LevelRuns::trial(const Setting& s, double limit) const {
   const Options bounded = longest > 0 ? asked.with("ts_adapt_dt_max", number_text(longest)) : asked;
   const LibraryOptionsHeld held(asked, bounded);
   Trial made = run_trial(asked, s, "", limit, measure);
-  if (measure && made.failed.empty() && made.measured.empty()) {
-    made.fault = Fault::failed;
-    made.failed = "the motion has no " + request_.of.name() + " to measure";
-  }
+  if (measure && made.is_answer() && made.measured.empty())
+    made.fail(Fault::failed, "the motion has no " + request_.of.name() + " to measure");
   return made;
 }
 

@@ -173,6 +173,21 @@ struct Level {
 // last one, or more while the rates still rise (`earlier` NaN where there is none).
 double expected_order(double earlier, double last, double p);
 
+// How the errors of ever finer levels fall, like fineness^-p, told by how far neighbours are apart.
+struct FallingErrors {
+  std::vector<double> fineness, distances;  // of levels k and k + 1: the error of level k
+  double best = 0;                          // no order is higher
+  double unseen = 0;                        // the order while there are two levels
+  bool steady = false;                      // the order is what it is from the beginning, `least` or more
+  double least = 0;
+
+  double error(std::size_t k) const;  // of level k
+  double rate(std::size_t k) const;   // from level k - 1 to level k
+  double order_between() const;       // expected between the last two levels
+  double order_beyond() const;        // and beyond the last
+  double predicted(double at) const;  // error at this fineness
+};
+
 // Runs of the scene by the method of `setting`, counted and timed.
 class LevelRuns {
  public:

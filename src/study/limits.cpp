@@ -140,11 +140,9 @@ namespace {
 const char* const prefix = "limits_";
 
 // What one run came to.
-struct Outcome {
-  std::string failure;  // what ended it before its time
+struct Observed : Outcome {
   Motion motion = Motion::undecided;
   double amplitude = NAN, speed = NAN, largest = 0;
-  std::int64_t steps = 0;
   bool warned = false;  // of its steps
   std::shared_ptr<PsiRecord> record;
 };
@@ -177,41 +175,36 @@ double off_sliding(const Model& model, Vec u, bool alternating) {
 }
 
 // Runs as the command `run` would, by the method given.
-Outcome observe(const Options& options, const MethodSpec& method, const Model& model, Vec start,
-                double t_end) {
-  Outcome outcome;
-  outcome.record = std::make_shared<PsiRecord>(model);
-  std::vector<std::string> said;
-  const WarningsKept kept(said);
+Observed observe(const Options& options, const MethodSpec& method, const Model& model, Vec start,
+                 double t_end) {
+  Observed seen;
+  seen.record = std::make_shared<PsiRecord>(model);
   VecHandle u = model.create_vector();
   SS_TRY(VecCopy(start, u));
   Regime regime(model, t_end, steady_velocity(model.scene()));
-  try {
-    Integrator integrator(model, method, u, prefix);
-    outcome.warned = warn_of_steps(model, integrator, u, t_end);
-    StepAudit audit(model, options, integrator, 0, t_end);
-    const std::vector<Observer*> observers = {&audit, &regime, outcome.record.get()};
-    simulate(integrator, u, {0, t_end}, observers, [&](const Integrator::Step& step) {
-      outcome.steps = step.index;
-      outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
-      return Integrator::Verdict::go_on;
-    });
-    const StepAudit::Verdict verdict = audit.verdict(u);
+  std::optional<StepAudit> audit;
+  Experiment run{model, method, prefix, {0, t_end}};
+  run.watch = [&](Integrator& integrator) -> std::vector<Observer*> {
+    seen.warned = warn_of_steps(model, integrator, u, t_end);
+    audit.emplace(model, options, integrator, 0, t_end);
+    return {&*audit, &regime, seen.record.get()};
+  };
+  run.goes_on = [&](const Integrator::Step& step, Outcome&) {
+    seen.largest = std::max(seen.largest, largest_psi(model, step.u));
+    return true;
+  };
+  run.at_end = [&](const Integrator& integrator) {
+    const StepAudit::Verdict verdict = audit->verdict(u);
     const NearestGrowth near = nearest_growth(model, verdict, integrator.report().rhs_evaluations);
     regime.know(near.growth, near.taken, near.why_not, near.beyond);
     const Measured r = regime.result(u);
-    outcome.motion = r.motion;
-    outcome.amplitude = r.amplitude.value_or(NAN);
-    outcome.speed = r.wave_speed.value_or(NAN);
-    outcome.warned = audit.warn_of(verdict, r.motion) || outcome.warned;
-  } catch (const NotFinite&) {
-    outcome.failure = "blow-up";
-  } catch (const NotSolved&) {
-    outcome.failure = "Newton's method fails";
-  } catch (const Failure& e) {
-    outcome.failure = e.what();
-  }
-  return outcome;
+    seen.motion = r.motion;
+    seen.amplitude = r.amplitude.value_or(NAN);
+    seen.speed = r.wave_speed.value_or(NAN);
+    seen.warned = audit->warn_of(verdict, r.motion) || seen.warned;
+  };
+  carry_out(run, u, seen);
+  return seen;
 }
 
 }  // namespace
@@ -222,7 +215,7 @@ struct Limits::Impl {
   Scene scene;
   Model model;
   VecHandle start;
-  Outcome truth;
+  Observed truth;
 
   explicit Impl(const Options& o)
       : options(o), t_end(o.real("ts_max_time")), scene(Scene::from(options, false)),
@@ -232,7 +225,7 @@ struct Limits::Impl {
     accurate.fused = options.boolean("rk_fused");
     accurate.tolerance = 1e-8;
     truth = observe(options, accurate, model, start, t_end);
-    if (!truth.failure.empty()) throw Failure("the accurate run of the scene failed: " + truth.failure);
+    if (!truth.is_answer()) throw Failure("the accurate run of the scene failed: " + truth.failed);
   }
 
   // The method with steps of dt.
@@ -243,15 +236,17 @@ struct Limits::Impl {
     return spec;
   }
 
-  Outcome run(const MethodSpec& method, double dt) const {
+  Observed run(const MethodSpec& method, double dt) const {
     return observe(options, fixed(method, dt), model, start, t_end);
   }
 
-  std::string breakdown(const Outcome& o) const {
-    if (!o.failure.empty()) return o.failure;
+  std::string breakdown(const Observed& o) const {
+    if (o.fault == Fault::not_finite) return "blow-up";
+    if (o.fault == Fault::not_solved) return "Newton's method fails";
+    if (!o.is_answer()) return o.failed;
     return o.largest > 2 * truth.largest ? "psi out of bounds" : "";
   }
-  std::string mistake(const Outcome& o) const {
+  std::string mistake(const Observed& o) const {
     if (std::string b = breakdown(o); !b.empty()) return b;
     // Where the scene is too short to decide, a trend that steps add shows in the amplitude.
     const bool trend = o.motion == Motion::growing || o.motion == Motion::decaying;
@@ -268,7 +263,7 @@ struct Limits::Impl {
   }
   // Where no speed tells the time that things take: the motion itself while the scene is too short to say
   // what it is, which leaves nothing else to compare, and then the period.
-  std::string mistake_in_time(const Outcome& o) const {
+  std::string mistake_in_time(const Observed& o) const {
     if (truth.motion == Motion::undecided) {
       const std::optional<double> left = o.record->leaves(*truth.record, 0.1, 0.02);
       return left ? "off the true motion at t = " + rounded_text(*left) : "";
@@ -285,10 +280,10 @@ struct Limits::Impl {
     std::string breaks, wrong;
   };
   Judged judge(const MethodSpec& method, double dt, LimitRow& row) const {
-    const Outcome o = run(method, dt);
+    const Observed o = run(method, dt);
     const Judged judged{dt, breakdown(o), mistake(o)};
     ++row.runs;
-    if (!judged.wrong.empty() && o.failure.empty() && !o.warned) {
+    if (!judged.wrong.empty() && o.is_answer() && !o.warned) {
       row.warned = false;
       row.silent.push_back(dt);
     }
@@ -356,8 +351,8 @@ struct Limits::Impl {
   // down. Where the noise outgrows what is linear before that, as a method may let it without breaking down,
   // the rate until then.
   double rate_of_noise(const MethodSpec& method, double dt, int steps, double noise, bool alternating) const {
-    std::vector<std::string> ignored;
-    const WarningsKept kept(ignored);
+    Outcome outcome;
+    const WarningsKept kept(outcome.warnings);
     const Options calm = options.with("init_type", "uniform")
                              .with("init_psi", "steady")
                              .with("init_eta", "steady")
@@ -368,24 +363,22 @@ struct Limits::Impl {
     constexpr double linear = 1e-3;
     double middle = 0, end = 0, first = 0, outgrown_at = 0;
     const int window = std::max(1, steps / 4);
-    try {
-      Integrator integrator(model, fixed(method, dt), u, prefix);
-      simulate(integrator, u, {0, steps * dt}, {}, [&](const Integrator::Step& step) {
-        // the largest over a while, since waves go up and down
-        const double now = off_sliding(model, step.u, alternating);
-        if (step.index == 1) first = now;
-        if (now > linear && first < linear) {
-          outgrown_at = step.t;
-          end = now;
-          return Integrator::Verdict::stop;
-        }
-        if (step.index > steps / 2 - window && step.index <= steps / 2) middle = std::max(middle, now);
-        if (step.index > steps - window) end = std::max(end, now);
-        return Integrator::Verdict::go_on;
-      });
-    } catch (const Failure&) {
-      return HUGE_VAL;
-    }
+    Experiment run{model, fixed(method, dt), prefix, {0, steps * dt}};
+    run.goes_on = [&](const Integrator::Step& step, Outcome&) {
+      // the largest over a while, since waves go up and down
+      const double now = off_sliding(model, step.u, alternating);
+      if (step.index == 1) first = now;
+      if (now > linear && first < linear) {
+        outgrown_at = step.t;
+        end = now;
+        return false;
+      }
+      if (step.index > steps / 2 - window && step.index <= steps / 2) middle = std::max(middle, now);
+      if (step.index > steps - window) end = std::max(end, now);
+      return true;
+    };
+    carry_out(run, u, outcome);
+    if (!outcome.is_answer()) return HUGE_VAL;
     if (outgrown_at > 0) return std::log(end / first) / (outgrown_at - dt);
     const auto second_half = steps - steps / 2;
     return std::log(end / middle) / (double(second_half) * dt);
@@ -401,7 +394,7 @@ struct Limits::Impl {
 
   void find_shortest(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {
     const double frequency = stencil_rate(model.scene()), allowed = 0.02 * frequency;
-    const double growth = forecast.sliding_growth(false);
+    const double growth = forecast.sliding_growth().of_all;
     const auto grows = [&](double dt) { return forecast.shortest_wave_excess(dt) > allowed; };
     double dt = 0.003 / frequency;
     while (dt < 100 / frequency && !grows(dt)) dt *= 1.1;
@@ -419,9 +412,9 @@ struct Limits::Impl {
   }
 
   void find_damping(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {
-    const double growth = forecast.sliding_growth(false);
+    const double growth = forecast.sliding_growth().of_all;
     if (!(growth > 0)) return;
-    const auto hides = [&](double dt) { return forecast.sliding_growth_of({{dt, 1.}}, false) < 0; };
+    const auto hides = [&](double dt) { return forecast.sliding_growth({{dt, 1.}}).of_all < 0; };
     // The step from which on it is so: sought from long steps down. Backward Euler's is 2 growth/|lambda|^2,
     // which is short where sliding is hardly unstable.
     const double frequency = stencil_rate(model.scene());
@@ -447,7 +440,7 @@ LimitRow Limits::row(const MethodSpec& method) {
   row.order = m.scene.order;
   row.n = m.scene.n;
   // as long as the accurate run's own steps
-  double first = m.t_end / double(std::max<std::int64_t>(m.truth.steps, 16));
+  double first = m.t_end / double(std::max<std::int64_t>(m.truth.report.steps, 16));
   std::vector<std::string> ignored;
   const WarningsKept kept(ignored);
   VecHandle u = m.model.create_vector();

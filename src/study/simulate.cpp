@@ -6,7 +6,9 @@
 
 #include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
 #include "stickslip/study/trial.hpp"
+#include "study/step_forecast.hpp"
 
 namespace stickslip {
 
@@ -27,7 +29,45 @@ void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::ve
     if (span.watching) *span.watching += processor_seconds() - begin;
     return verdict;
   };
-  integrator.advance(u, span.begin, span.end, after, span.most_steps);
+  try {
+    integrator.advance(u, span.begin, span.end, after, span.most_steps);
+  } catch (const NotFinite& e) {
+    throw NotFinite(e.what() + limit_in_words(integrator, span.end - span.begin));
+  }
+}
+
+void carry_out(const Experiment& experiment, Vec u, Outcome& outcome) {
+  const WarningsKept kept(outcome.warnings);
+  const double begin = processor_seconds();
+  if (!experiment.method.type.empty()) outcome.report.method = experiment.method.name();
+  std::optional<Integrator> integrator;
+  const auto run = [&] {
+    integrator.emplace(experiment.model, experiment.method, u, experiment.prefix);
+    const auto observers = experiment.watch ? experiment.watch(*integrator) : std::vector<Observer*>();
+    simulate(*integrator, u, experiment.span, observers, [&](const Integrator::Step& step) {
+      outcome.report = integrator->report();
+      const bool on = !experiment.goes_on || experiment.goes_on(step, outcome);
+      return on ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
+    });
+    if (experiment.at_end) experiment.at_end(*integrator);
+  };
+  const auto fail = [&](Fault fault, const Error& e) {
+    if (!e.collective() && ranks_in(experiment.model.comm()) > 1) throw;
+    outcome.fail(fault, e.what());
+  };
+  try {
+    run();
+  } catch (const UsageError&) {
+    throw;
+  } catch (const NotFinite& e) {
+    fail(Fault::not_finite, e);
+  } catch (const NotSolved& e) {
+    fail(Fault::not_solved, e);
+  } catch (const Error& e) {
+    fail(Fault::failed, e);
+  }
+  outcome.seconds = largest_over(experiment.model.comm(), processor_seconds() - begin);
+  if (integrator) outcome.report = integrator->report();
 }
 
 namespace {
@@ -179,7 +219,7 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
       clusters_.solution(reached, u);
       show(plan, u, reached);
       finish(reached, false);
-      report.reason = stops ? "stopped" : "ts_max_steps";
+      report.stop = stops ? Stop::asked : Stop::max_steps;
       return;
     }
     clusters_.solution(reached, u);
@@ -189,7 +229,7 @@ void ClusterRun::advance(Vec u, const ClusterPlan& plan) {
   }
   ask(clusters_.plate_is_over() ? report.t : span.end);
   finish(report.t, true);
-  report.reason = clusters_.plate_is_over() ? "ts_max_plate" : "end time";
+  report.stop = clusters_.plate_is_over() ? Stop::max_plate : Stop::end_time;
 }
 
 }  // namespace stickslip

@@ -9,6 +9,7 @@
 
 #include "output/catalogue.hpp"
 #include "stickslip/output/observer.hpp"
+#include "stickslip/study/trial.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/clusters.hpp"
 
@@ -23,9 +24,27 @@ struct TimeSpan {
 };
 
 // Advances u. The observers see each step in this order, as their contract says; then `asked`, if given, says
-// whether to go on. Throws what Integrator::advance, an observer or `asked` throws. Collective.
+// whether to go on. Throws what Integrator::advance, an observer or `asked` throws; of a solution that is not
+// finite with the limit that its steps are beyond. Collective.
 void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::vector<Observer*>& observers,
               const Integrator::Observer& asked = {});
+
+// A run whose failure is a result.
+struct Experiment {
+  const Model& model;
+  MethodSpec method;
+  std::string prefix;  // of PETSc's options
+  TimeSpan span;
+  // Who watches it, of the integrator that is about to go; after each step, whether it goes on (where it does
+  // not, and has no answer, it is failed here); what is to be measured where it came to an end.
+  std::function<std::vector<Observer*>(Integrator&)> watch = {};
+  std::function<bool(const Integrator::Step&, Outcome&)> goes_on = {};
+  std::function<void(const Integrator&)> at_end = {};
+};
+
+// Carries it out from u, which becomes the state reached; warnings are kept in the outcome and not printed.
+// Throws UsageError, and on several ranks what not all of them have met. Collective over the model's ranks.
+void carry_out(const Experiment& experiment, Vec u, Outcome& outcome);
 
 // One run of friction that sticks in which only what slides is advanced (time/clusters.hpp): observers as
 // their contract says, and events as they end.

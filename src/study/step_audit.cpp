@@ -13,6 +13,7 @@
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/vectors.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
@@ -27,7 +28,7 @@ constexpr double loose = 1e-3;         // tolerances from here on are looked aft
 constexpr int audits = 16;             // at equal times
 constexpr double record = 1.5;         // a change of psi this much larger than any before is looked at
 constexpr PetscInt looks = 1000;       // most steps at which the change of psi is measured, about
-constexpr PetscInt most_steps = 3000;  // of an accurate repetition
+constexpr PetscInt most_again = 3000;  // of an accurate repetition
 
 std::string percent(double x) {
   return x > 10 ? "more than 1000 %" : fmt::format("{:.{}f} %", 100 * x, x < 0.1 ? 1 : 0);
@@ -174,8 +175,8 @@ struct StepAudit::Impl {
         Tolerances::automatic(scales, Tolerances::usual, std::max(1e-3 * change / scales.psi, 1e-12)));
     accurate->count_from(0);
     try {
-      simulate(*accurate, exact, {step.t_before, step.t, most_steps}, {});
-      if (accurate->report().reason != "end time") {
+      simulate(*accurate, exact, {step.t_before, step.t, most_again}, {});
+      if (accurate->report().stop != Stop::end_time) {
         ++beyond;
         return;
       }
@@ -224,16 +225,9 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   if (m.model.scene().has_profile() || m.model.scene().forced()) return v;
   StepForecast forecast(m.model, nullptr, m.integrator);
   for (const auto& [dt, time] : m.taken_near) v.near_time += time;
-  // at the steps that are given; the true one where there are none
-  const auto growth = [&](const std::map<double, double>& steps, bool resolved) {
-    return steps.empty() ? forecast.sliding_growth(resolved) : forecast.sliding_growth_of(steps, resolved);
-  };
-  v.growth = growth({}, true);
-  v.growth_of_all = growth({}, false);
-  v.near_growth = growth(m.taken_near, true);
-  v.near_growth_of_all = growth(m.taken_near, false);
-  v.growth_taken = growth(m.taken, true);
-  v.growth_taken_of_all = growth(m.taken, false);
+  v.truly = forecast.sliding_growth();
+  v.near = forecast.sliding_growth(m.taken_near);
+  v.taken = forecast.sliding_growth(m.taken);
   return v;
 }
 
@@ -245,22 +239,19 @@ double StepAudit::longest_near_sliding(const Model& model, const Integrator& int
   if (!integrator.adaptive() || !capabilities(integrator.method()).is_explicit || !near_sliding(model, u))
     return any;
   StepForecast forecast(model, nullptr, integrator);
-  const double growth = std::max(0., forecast.sliding_growth(false));
+  const double growth = std::max(0., forecast.sliding_growth().of_all);
   // a growing mode has left sliding by the time that it is 1/round-off times as large
   const double time = growth > 0 ? std::min(duration, -std::log(PETSC_MACHINE_EPSILON) / growth) : duration;
   const auto wrong = [&](double dt) {
-    return !((forecast.sliding_growth_of({{dt, 1.}}, false) - growth) * time <= largest_short_growth_error);
+    return !((forecast.sliding_growth({{dt, 1.}}).of_all - growth) * time <= largest_short_growth_error);
   };
-  if (std::isnan(forecast.sliding_growth(false))) return any;
+  if (std::isnan(forecast.sliding_growth().of_all)) return any;
   // far inside the stability region, and where it begins to fail
-  double good = 0.1 / stencil_rate(model.scene()), bad = good;
+  const double good = 0.1 / stencil_rate(model.scene());
+  double bad = good;
   while (!wrong(bad) && bad < 100 * good) bad *= 1.5;
   if (!wrong(bad)) return any;
-  for (int k = 0; k < 10; ++k) {
-    const double middle = (good + bad) / 2;
-    (wrong(middle) ? bad : good) = middle;
-  }
-  return good;
+  return last_place([&](double dt) { return !wrong(dt); }, good, bad, (bad - good) / 1000);
 }
 
 bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
@@ -286,50 +277,48 @@ bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
     warn(fmt::format(
         "{} of the {} steps of {} that were looked at could not be made again accurately (at most {} "
         "steps were tried for each): nothing vouches for them",
-        v.beyond, v.beyond + v.repeated, method, most_steps));
+        v.beyond, v.beyond + v.repeated, method, most_again));
   }
   const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
   const std::string step = fmt::format("steps of up to {:.3g} with {}", longest, method);
-  if (v.near_sliding && motion == Motion::sliding && v.growth * duration > 5 &&
-      v.growth_taken < 0.5 * v.growth) {
+  if (v.near_sliding && motion == Motion::sliding && v.truly.resolved * duration > 5 &&
+      v.taken.resolved < 0.5 * v.truly.resolved) {
     warn(fmt::format(
         "steady sliding is unstable here, its perturbations grow like exp({:.3g} t), but {} let them {} "
         "like exp({:.3g} t): the regime `{}` is the method's, not the scene's (reduce ts_dt{})",
-        v.growth, step, v.growth_taken > 0 ? "grow" : "decay", v.growth_taken, to_string(motion),
+        v.truly.resolved, step, v.taken.resolved > 0 ? "grow" : "decay", v.taken.resolved, to_string(motion),
         m.integrator.adaptive() ? ", ts_rtol or ts_atol" : ""));
     return true;
   }
   // Once stick-slip is reached, in truth and here, its amplitude no longer depends on how: only a motion that
   // is near sliding up to where regime and amplitude are measured, or should be, comes out wrong.
-  const double resolved = (v.near_growth - v.growth) * v.near_time;
-  const double all = (v.near_growth_of_all - v.growth_of_all) * v.near_time;
+  const double resolved = (v.near.resolved - v.truly.resolved) * v.near_time;
+  const double all = (v.near.of_all - v.truly.of_all) * v.near_time;
   const bool is_short = std::abs(resolved) <= largest_growth_error && all > largest_short_growth_error;
-  const double taken = is_short ? v.near_growth_of_all : v.near_growth, excess = is_short ? all : resolved;
-  const double near_truly = v.near_time * std::max(1., taken / v.growth);
-  if (v.growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
+  const double growth = v.truly.resolved, taken = is_short ? v.near.of_all : v.near.resolved;
+  const double excess = is_short ? all : resolved, near_truly = v.near_time * std::max(1., taken / growth);
+  if (growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
     told = true;
     const double size = std::abs(excess);
     warn(fmt::format(
         "perturbations of steady sliding grow like exp({:.3g} t), with the steps of {}{} like exp({:.3g} t): "
         "after {:.3g} near sliding their amplitude, and with it the time at which stick-slip sets in, is "
         "wrong by a factor of {} ({})",
-        v.growth, method, is_short ? " those of a few nodes" : "", taken, v.near_time,
+        growth, method, is_short ? " those of a few nodes" : "", taken, v.near_time,
         size < 20 ? fmt::format("about {:.3g}", std::exp(size)) : "more than 1e8", remedy));
   }
-  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && motion != Motion::sliding &&
-      v.growth_taken_of_all * duration > 1) {
+  if (!m.integrator.adaptive() && v.truly.of_all <= 0 && motion != Motion::sliding &&
+      v.taken.of_all * duration > 1) {
     told = true;
     warn(fmt::format(
         "steady sliding is stable here, but {} make its perturbations grow like exp({:.3g} t): the regime "
         "`{}` may be the method's, not the scene's (reduce ts_dt)",
-        step, v.growth_taken_of_all, to_string(motion)));
+        step, v.taken.of_all, to_string(motion)));
   }
   return told;
 }
 
 namespace {
-
-constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 bool has_held_end(const Scene& s) { return s.left == End::velocity || s.right == End::velocity; }
 
@@ -385,18 +374,18 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
 
 NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations) {
   const Scene& s = model.scene();
-  const auto none = [](const std::string& why) { return NearestGrowth{unknown, unknown, why, unknown}; };
+  const auto none = [](const std::string& why) { return NearestGrowth{NAN, NAN, why}; };
   if (s.force.amplitude != 0) return none("a harmonic force acts, so that nothing slides steadily");
   if (s.load.varies()) return none("the plate's velocity varies, so that nothing slides steadily");
   if (s.normal.varies()) return none("the normal load varies, so that nothing slides steadily");
   if (s.v == 0 && s.friction.sticks() && (slides_uniformly(s) || !has_held_end(s)))
     return none("friction jumps at psi = 0: it has no slope there");
   if (slides_uniformly(s)) {
-    if (!std::isfinite(audit.growth))
+    if (!std::isfinite(audit.truly.resolved))
       return none("there is no steady sliding: the state has no steady value at v = 0");
-    if (audit.growth > 0 || !(audit.growth_of_all > 0))
-      return {audit.growth, audit.growth_taken, "", unknown};
-    return {audit.growth, audit.growth_taken_of_all, "", audit.growth_of_all};
+    if (audit.truly.resolved > 0 || !(audit.truly.of_all > 0))
+      return {audit.truly.resolved, audit.taken.resolved, ""};
+    return {audit.truly.resolved, audit.taken.of_all, "", audit.truly.of_all};
   }
   const auto unknowns = double(model.unknowns());
   if (search_seconds(unknowns) > std::max(0.01, 0.05 * steps_seconds(unknowns, evaluations)))
@@ -407,8 +396,8 @@ NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit
     GrowthRate growth(model.comm(), [&s](double, double) { return s; }, {{"growth_rate"}});
     const double found = growth(0);
     if (!std::isfinite(found)) return none("there is no steady sliding");
-    const double shift = audit.growth_taken - audit.growth;
-    return {found, found + (std::isfinite(shift) ? shift : 0), "", unknown};
+    const double shift = audit.taken.resolved - audit.truly.resolved;
+    return {found, found + (std::isfinite(shift) ? shift : 0), ""};
   } catch (const Failure& e) {
     return none(e.what());
   }

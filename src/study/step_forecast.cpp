@@ -18,27 +18,26 @@
 
 namespace stickslip {
 
-SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
-  SpectralBounds bounds{-HUGE_VAL, 0};
-  for (const Complex& l : eigenvalues(dim, matrix)) {
-    bounds.real_part = std::max(bounds.real_part, l.real());
-    bounds.modulus = std::max(bounds.modulus, std::abs(l));
-  }
-  return bounds;
+namespace {
+
+double spectral_radius(const std::vector<Complex>& values) {
+  double largest = 0;
+  for (const Complex& l : values) largest = std::max(largest, std::abs(l));
+  return largest;
 }
 
-// The eigenvalues of the companion matrix.
-std::vector<Complex> characteristic_roots(const std::vector<Complex>& c) {
+// Largest modulus of the roots of a polynomial, coefficients highest power first: of the eigenvalues of its
+// companion matrix.
+double largest_root(const std::vector<Complex>& c) {
+  if (std::abs(c[0]) == 0) return HUGE_VAL;
   const int n = int(c.size()) - 1;
   std::vector<Complex> companion(n * n);
   for (int i = 0; i < n; ++i) {
     companion[i] = -c[i + 1] / c[0];
     if (i > 0) companion[i * n + i - 1] = 1;
   }
-  return eigenvalues(n, companion);
+  return spectral_radius(eigenvalues(n, companion));
 }
-
-namespace {
 
 // F and the state's kinetics where the slope dF/dpsi is least and largest over all nodes and ranks.
 struct Slopes {
@@ -129,8 +128,7 @@ std::set<std::int64_t> sampled_waves(const Waves& all, const Waves& resolved, co
 
 }  // namespace
 
-void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding,
-                            bool resolved) {
+void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool resolved) {
   const auto rows_of = [&](Part terms) {
     std::vector<double> rows(dof_ * dof_);
     if (medium.massless())
@@ -141,10 +139,10 @@ void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double
   };
   const std::vector<double> full = rows_of(Part::full), zero(full.size());
   Wave w;
-  w.sliding = sliding;
   w.resolved = resolved;
   w.lambda = eigenvalues(dof_, full);
-  w.growth = spectral_bounds(dof_, full).real_part;
+  w.growth = -HUGE_VAL;
+  for (const Complex& l : w.lambda) w.growth = std::max(w.growth, l.real());
   const PartsOfStep parts = parts_of(implicit);
   const auto rows = [&](const std::optional<Part>& terms) { return terms ? rows_of(*terms) : zero; };
   w.explicit_part = rows(parts.of_explicit);
@@ -153,6 +151,12 @@ void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double
 }
 
 StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
+    : StepForecast(model, u, like, false) {}
+StepForecast StepForecast::anywhere(const Model& model, const Integrator& like) {
+  return {model, nullptr, like, true};
+}
+
+StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like, bool anywhere)
     : dof_(model.scene().massless() ? model.dof() - 1 : model.dof()),
       all_implicit_(like.report().implicit == Implicit::both) {
   const Implicit implicit = like.report().implicit;
@@ -161,27 +165,30 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   is_alpha_ = type == TSALPHA;
   if (type == leapfrog_type) stages_ = &leapfrog();
   if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
-  if (u) add_waves_about(model, u, implicit);
   add_waves_about_sliding(model, implicit);
+  about_sliding_ = waves_.size();
+  if (u || anywhere) add_waves_about(model, u, implicit);
   if (bdf_order_ == 0 && !is_alpha_ && !stages_) make_ts(like, implicit);
 }
 
 void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit) {
   const Scene s = model.scene().averaged();
-  std::vector<Slopes> friction = friction_extremes(model, u);
+  const SlopeBounds bounds = model.slope_bounds();
+  std::vector<Slopes> friction = {{{0, -bounds.falling, 0}, {}}, {{0, bounds.rising, 0}, {}}};
+  if (u) friction = friction_extremes(model, u);
   least_slope_ = friction[0].F.F_psi;
-  // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle
-  // turns, that of a regularised threshold at rest.
-  const bool oscillates = !s.massless() && LinearPoint(s, friction[0].F, friction[0].g).damping() < 0;
-  const double rising = model.slope_bounds().rising;
-  if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
+  // Where sliding is unstable, at v or where it is, the motion reaches the steepest friction: the cubic's
+  // where its limit cycle turns, that of a regularised threshold at rest.
+  const bool oscillates = !s.massless() && (growth_.of_all > 0 ||
+                                            LinearPoint(s, friction[0].F, friction[0].g).damping() < 0);
+  if (oscillates && bounds.rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, bounds.rising);
   double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   // the fastest wave where it is fastest, in the mean medium
   if (model.scene().medium.varies() && largest > 0 && s.K1() > 0)
     largest = (std::pow(model.wave_frequency(), 2) / s.A() - s.K0()) / s.K1();
   for (const Slopes& f : friction)
     for (const double part : {0., 0.25, 0.5, 0.75, 1.})
-      add_wave(LinearPoint(s, f.F, f.g), implicit, largest * part, false, false);
+      add_wave(LinearPoint(s, f.F, f.g), implicit, largest * part, false);
 }
 
 void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit) {
@@ -191,14 +198,14 @@ void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit
   const Waves all = Waves::of(model.scene()), resolved = all.resolved(model.scene());
   const auto fastest = fastest_wave(medium, all, same_growth(medium));
   if (!fastest) return;
-  growth_of_all_ = fastest->value.real();
   const auto leading = fastest_wave(medium, resolved, same_growth(medium));
-  growth_ = leading ? leading->value.real() : growth_of_all_;
+  growth_.of_all = fastest->value.real();
+  growth_.resolved = leading ? leading->value.real() : growth_.of_all;
   for (const std::int64_t j : sampled_waves(all, resolved, *fastest, leading ? *leading : *fastest)) {
     const double kappa2 = all.kappa2(j);
     // the shift of everything neither grows nor decays
     if (medium.stiffness(kappa2) == 0 && !(rightmost_root(medium, kappa2).value_or(-1).real() > 0)) continue;
-    add_wave(medium, implicit, kappa2, true, j < resolved.count || !leading);
+    add_wave(medium, implicit, kappa2, j < resolved.count || !leading);
   }
 }
 
@@ -289,10 +296,7 @@ double StepForecast::multistep_modulus(Complex z) const {
       for (std::size_t i = 0; i < power.size(); ++i) c[i] += power[i] / j;
     }
   }
-  if (std::abs(c[0]) == 0) return HUGE_VAL;
-  double largest = 0;
-  for (const Complex& mu : characteristic_roots(c)) largest = std::max(largest, std::abs(mu));
-  return largest;
+  return largest_root(c);
 }
 
 std::vector<double> StepForecast::rates(double dt) {
@@ -301,7 +305,7 @@ std::vector<double> StepForecast::rates(double dt) {
   const auto add_rate = [&](const std::vector<double>& propagator) {
     double largest = 0;
     for (const double p : propagator) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
-    rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, propagator).modulus : largest) / dt);
+    rates.push_back(std::log(largest < 1e60 ? spectral_radius(eigenvalues(dof_, propagator)) : largest) / dt);
   };
   if (stages_) {
     for (const Wave& w : waves_) add_rate(propagator(*stages_, dof_, w.explicit_part, w.implicit_part, dt));
@@ -335,10 +339,9 @@ std::vector<double> StepForecast::rates(double dt) {
 double StepForecast::excess_rate(double dt) {
   const std::vector<double> rate = rates(dt);
   double excess = -HUGE_VAL;
-  for (std::size_t i = 0; i < waves_.size(); ++i) {
+  for (std::size_t i = about_sliding_; i < waves_.size(); ++i) {
     const double growth = std::max(0., waves_[i].growth);
-    if (!waves_[i].sliding && !(all_implicit_ && rate[i] < 2 * growth))
-      excess = std::max(excess, rate[i] - growth);
+    if (!(all_implicit_ && rate[i] < 2 * growth)) excess = std::max(excess, rate[i] - growth);
   }
   return excess;
 }
@@ -347,15 +350,9 @@ bool StepForecast::explodes(double dt, double duration) {
   return dt < duration && excess_rate(dt) * duration > std::log(1e6);
 }
 
-double StepForecast::largest_about_sliding(const std::vector<double>& rate, bool resolved) const {
-  double largest = std::numeric_limits<double>::quiet_NaN();
-  for (std::size_t i = 0; i < rate.size(); ++i)
-    if (waves_[i].sliding && (waves_[i].resolved || !resolved)) largest = std::fmax(largest, rate[i]);
-  return largest;
-}
-
-double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved) {
-  std::vector<double> mean(waves_.size());
+SlidingGrowth StepForecast::sliding_growth(const std::map<double, double>& time_at_step) {
+  if (time_at_step.empty()) return growth_;
+  std::vector<double> mean(about_sliding_);
   double time = 0;
   for (const auto& [dt, duration] : time_at_step) time += duration;
   for (const auto& [dt, duration] : time_at_step) {
@@ -363,12 +360,17 @@ double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_s
     if (rate.empty()) rate = rates(dt);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += duration / time * rate[i];
   }
-  return largest_about_sliding(mean, resolved);
+  SlidingGrowth largest;
+  for (std::size_t i = 0; i < mean.size(); ++i) {
+    largest.of_all = std::fmax(largest.of_all, mean[i]);
+    if (waves_[i].resolved) largest.resolved = std::fmax(largest.resolved, mean[i]);
+  }
+  return largest;
 }
 
 double StepForecast::shortest_wave_excess(double dt) {
-  if (waves_.empty() || !waves_.back().sliding) return std::numeric_limits<double>::quiet_NaN();
-  return rates(dt).back() - waves_.back().growth;  // it was added last
+  if (about_sliding_ == 0) return std::numeric_limits<double>::quiet_NaN();
+  return rates(dt)[about_sliding_ - 1] - shortest_growth();
 }
 
 double StepForecast::shift(double dt) {
@@ -425,7 +427,7 @@ bool warn_of_several_solutions(const Model& model, const Integrator& integrator,
   if (s.massless()) return false;  // shift eta + K psi(eta) rises with eta
   const auto damping = [&s](double slope) { return LinearPoint(s, {0, slope, 0}, {}).damping(); };
   // the motion stays clear of weakening friction
-  if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return false;
+  if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth().of_all > 0)) return false;
   const double C = damping(least_slope(model)), product = s.A() * s.K0();
   if (C >= 0 || C * C <= 4 * product) return false;
   const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
@@ -487,6 +489,16 @@ bool warn_of_steps(const Model& model, const Integrator& integrator, Vec u, doub
       number_text(dt), integrator.method().name(), forecast.limit(dt, duration), model.wave_frequency(),
       damped, rates_of(model, u).friction));
   return true;
+}
+
+std::string limit_in_words(const Integrator& integrator, double duration) {
+  const Model& model = integrator.model();
+  if (integrator.adaptive() || model.scene().massless()) return "";
+  const double dt = integrator.next_step();
+  StepForecast forecast = StepForecast::anywhere(model, integrator);
+  if (!forecast.explodes(dt, duration)) return "";
+  return fmt::format("; the stability limit of {} is about {:.3g} where friction is steepest",
+                     integrator.method().name(), forecast.limit(dt, duration));
 }
 
 }  // namespace stickslip

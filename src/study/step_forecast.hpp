@@ -14,7 +14,6 @@
 // grow by less than twice as fast as it should is not counted: that is an error, not an explosion.
 #pragma once
 
-#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -23,32 +22,34 @@
 #include "stickslip/base/vectors.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
-#include "stickslip/numerics/roots.hpp"
+#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
 class StepForecast {
  public:
-  // For the method of `like` about the motion at u and about steady sliding; without a u about sliding alone,
-  // for which no node is looked at but where nodes differ. Collective.
+  // For the method of `like` about steady sliding and about the motion at u, with the steepest friction that
+  // the law has where sliding is unstable and the motion comes to it; without a u about sliding alone, for
+  // which no node is looked at but where nodes differ. Collective.
   StepForecast(const Model& model, Vec u, const Integrator& like);
+  // About motions that meet the least and the largest slope of friction that there is.
+  static StepForecast anywhere(const Model& model, const Integrator& like);
 
   bool explodes(double dt, double duration);
   // The largest step found, up to dt, that does not explode.
   double limit(double dt, double duration);
 
-  // Largest growth rate of a perturbation of steady sliding psi = v over the waves that fit the scene
-  // (stability/fastest_wave.hpp): the true one, and the method's for steps as long as the keys, each taken
-  // for the time that is its value, over some of them with the fastest among them. `resolved`: of wavelengths
-  // that the grid resolves alone (all in the chain; all too where it resolves none), which are the
-  // continuum's own. NaN where there is no steady sliding (a contact age at v = 0).
-  double sliding_growth(bool resolved) const { return resolved ? growth_ : growth_of_all_; }
-  double sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved);
+  // Of perturbations of steady sliding psi = v, over the waves that fit the scene
+  // (stability/fastest_wave.hpp): the true growth, and the method's for steps as long as the keys, each taken
+  // for the time that is its value, over some of them with the fastest among them; the true one without
+  // steps.
+  SlidingGrowth sliding_growth() const { return growth_; }
+  SlidingGrowth sliding_growth(const std::map<double, double>& time_at_step);
 
   // The method's growth rate of the shortest wave about sliding, less the true one. NaN as above.
   double shortest_wave_excess(double dt);
-  double shortest_growth() const { return waves_.back().growth; }
+  double shortest_growth() const { return waves_[about_sliding_ - 1].growth; }
 
   double least_slope() const { return least_slope_; }  // dF/dpsi over the nodes at u
 
@@ -60,10 +61,11 @@ class StepForecast {
   struct Wave {
     std::vector<double> explicit_part, implicit_part;  // dof x dof, row-major
     std::vector<Complex> lambda;                       // of the whole
-    bool sliding, resolved;                            // about steady sliding; its wavelength is
+    bool resolved;                                     // its wavelength, by the grid
     double growth;                                     // largest real part
   };
-  void add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding, bool resolved);
+  void add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool resolved);
+  StepForecast(const Model& model, Vec u, const Integrator& like, bool anywhere);
   void add_waves_about(const Model& model, Vec u, Implicit implicit);
   void add_waves_about_sliding(const Model& model, Implicit implicit);
   std::vector<double> rates(double dt);       // growth of every wave, per unit time, as the method has it
@@ -72,7 +74,6 @@ class StepForecast {
 
   void make_ts(const Integrator& like, Implicit implicit);
   void add_product(double factor, std::vector<double> Wave::*part, const double* a, double* out) const;
-  double largest_about_sliding(const std::vector<double>& rate, bool resolved) const;  // NaN: no such wave
 
   static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
@@ -85,8 +86,9 @@ class StepForecast {
   const StageProgram* stages_ = nullptr;  // of a method that the library does not have
   double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
   double last_shift_ = 0, least_slope_ = 0;
-  double growth_ = std::numeric_limits<double>::quiet_NaN(), growth_of_all_ = growth_;  // of sliding
-  std::vector<Wave> waves_;
+  SlidingGrowth growth_;
+  std::vector<Wave> waves_;        // about sliding, the shortest last; then those about the motion
+  std::size_t about_sliding_ = 0;  // so many
   std::map<double, std::vector<double>> rates_at_;  // of the steps that have been asked for
   TsHandle ts_;
   VecHandle u_;
@@ -99,12 +101,8 @@ class StepForecast {
 // Collective.
 bool warn_of_steps(const Model& model, const Integrator& integrator, Vec u, double duration);
 
-// Roots of a polynomial, coefficients highest power first.
-std::vector<Complex> characteristic_roots(const std::vector<Complex>& coefficients);
-// Of the eigenvalues of a matrix (row-major), the largest real part and modulus.
-struct SpectralBounds {
-  double real_part, modulus;
-};
-SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix);
+// Of steps that made a run grow beyond all numbers: their stability limit, in words to follow the message,
+// with the steepest friction that the law has; "" where they are below it. Collective.
+std::string limit_in_words(const Integrator& integrator, double duration);
 
 }  // namespace stickslip

@@ -84,74 +84,53 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
 Trial run_trial(const Options& asked, const Setting& setting, const std::string& prefix, double limit,
                 const MeasureMaker& measure) {
   const Options options = options_for(asked, setting);
-  const MethodSpec spec = spec_of(options, setting);
   Trial trial;
-  trial.method = spec.name();
-  trial.implicit = setting.method.implicit;
-  WarningsKept kept(trial.warnings);
-
   const Scene whole = Scene::from(options, false);
-  const Problem problem = problem_of(whole, options, std::nullopt);
+  const Problem problem = [&] {
+    const WarningsKept kept(trial.warnings);
+    return problem_of(whole, options, std::nullopt);
+  }();
   const Model& model = problem.model;
-  const Vec u = problem.u;
   const double t_end = options.real("ts_max_time");
   const std::int64_t allowed =
       prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
+  std::unique_ptr<Measure> measured;
+  ObservationPlan plan;
   const double begin = processor_seconds();
-  const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
-  const auto fail = [&](Fault fault, const std::string& why) {
-    trial.fault = fault;
-    trial.failed = why;
-  };
-  std::optional<Integrator> integrator;
-  try {
-    integrator.emplace(model, spec, u, prefix);
-    const std::unique_ptr<Measure> measured = measure ? measure(model, whole) : nullptr;
+  Experiment run{model, spec_of(options, setting), prefix, {0, t_end, allowed}};
+  run.watch = [&](Integrator& integrator) {
     std::vector<Observer*> observers;
-    ObservationPlan plan;
-    if (measured) {
-      observers = {measured.get()};
+    if (measure) {
+      measured = measure(model, whole);
       measured->plan(plan);
-      integrator->set_output_times([plan](double t) { return plan.next_time(t); });
+      integrator.set_output_times([&plan](double t) { return plan.next_time(t); });
+      observers = {measured.get()};
     }
-    warn_of_steps(model, *integrator, u, t_end);
-    simulate(*integrator, u, {0, t_end, allowed}, observers, [&](const Integrator::Step& step) {
-      if (step.index + integrator->report().rejections >= setting.most_attempts) {
-        fail(Fault::too_many_steps, fmt::format("stopped after {} steps", step.index));
-        return Integrator::Verdict::stop;
-      }
-      if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
-      const double now = spent();
-      // no need to wait for the end of what cannot get there
-      const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
-      if (!(now > limit || hopeless)) return Integrator::Verdict::go_on;
-      fail(Fault::too_slow, "stopped: it would take more than " + number_text(limit) + " s");
-      return Integrator::Verdict::stop;
-    });
+    warn_of_steps(model, integrator, problem.u, t_end);
+    return observers;
+  };
+  run.goes_on = [&](const Integrator::Step& step, Outcome& outcome) {
+    if (step.index + outcome.report.rejections >= setting.most_attempts)
+      outcome.fail(Fault::too_many_steps, fmt::format("stopped after {} steps", step.index));
+    if (step.index % 8 != 0 || step.index == 0 || !outcome.is_answer()) return outcome.is_answer();
+    const double now = largest_over(PETSC_COMM_WORLD, processor_seconds() - begin);
+    // no need to wait for the end of what cannot get there
+    const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
+    if (now > limit || hopeless)
+      outcome.fail(Fault::too_slow, "stopped: it would take more than " + number_text(limit) + " s");
+    return outcome.is_answer();
+  };
+  run.at_end = [&](const Integrator&) {
     if (measured) trial.measured = measured->values();
-    if (trial.fault == Fault::none && integrator->report().t < t_end)
-      fail(Fault::too_many_steps,
-           "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time");
-  } catch (const UsageError&) {
-    throw;
-  } catch (const Error& e) {
-    if (!e.collective() && ranks_in(PETSC_COMM_WORLD) > 1) throw;
-    fail(Fault::failed, e.what());
-  }
-  trial.seconds = spent();
-  if (integrator) {
-    const TimeReport& r = integrator->report();
-    trial.t = r.t;
-    trial.steps = r.steps;
-    trial.rejections = r.rejections;
-    trial.rhs_evaluations = r.rhs_evaluations;
-    trial.method = r.method;
-    trial.implicit = to_string(r.implicit);
-  }
-  if (!trial.failed.empty()) return trial;
+  };
+  carry_out(run, problem.u, trial);
+  if (trial.is_answer() && trial.report.t < t_end)
+    trial.fail(Fault::too_many_steps,
+               "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time");
+  if (!trial.is_answer()) return trial;
 
-  model.set_held(u);
-  trial.end = fields_of(model, u, whole.n);
+  model.set_held(problem.u);
+  trial.end = fields_of(model, problem.u, whole.n);
   return trial;
 }
 
@@ -240,18 +219,19 @@ Converged converge_in_time(const Options& options, int order, PetscInt n, double
   const auto run = [&](const Attempt& attempt, double most) {
     Trial made = run_trial(options, {attempt.method, attempt.tolerance, 0, order, n}, "reference_", most);
     result.seconds += made.seconds;
-    if (!made.failed.empty())
-      result.failed += fmt::format("{}{}: {}", result.failed.empty() ? "" : "; ", made.method, made.failed);
+    if (!made.is_answer())
+      result.failed +=
+          fmt::format("{}{}: {}", result.failed.empty() ? "" : "; ", made.report.method, made.failed);
     return made;
   };
   for (const auto& [best, second] : pairs) {
     const Trial a = run(best, limit);
-    if (!a.failed.empty()) continue;
+    if (!a.is_answer()) continue;
     const Trial b = run(second, 3 * limit);
-    if (!b.failed.empty()) continue;
+    if (!b.is_answer()) continue;
     result.fields = a.end;
     result.time_error = distance(a.end, b.end);
-    result.method = a.method;
+    result.method = a.report.method;
     result.failed.clear();
     return result;
   }

@@ -8,6 +8,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/reader.hpp"
+#include "study/ladder.hpp"
 
 namespace stickslip {
 
@@ -106,7 +107,9 @@ void WorkPrecision::refine_reference() {
   std::vector<PetscInt> grids;
   if (const PetscInt half = halved(scene_, largest, order)) grids.push_back(half);
   grids.push_back(std::max<PetscInt>(largest, order + 1));
-  double before = NAN, last = NAN;
+  FallingErrors errors;
+  errors.best = order;
+  errors.unseen = std::log2(1.5);  // of two grids the difference tells hardly more than itself
   for (std::size_t k = 0;; ++k) {
     if (k == grids.size()) grids.push_back(doubled(scene_, grids.back()));
     const Converged& fine = converged(order, grids[k]);
@@ -114,18 +117,19 @@ void WorkPrecision::refine_reference() {
       if (!reference_) throw Failure(fmt::format("no reference: n = {}: {}", grids[k], fine.failed));
       break;
     }
-    if (k > 0) {
-      before = last;
-      last = difference(converged(order, grids[k - 1]), fine);
-    }
+    errors.fineness.push_back(cells_of(fine.scene));
     if (k < 1) continue;
+    const double before = k > 1 ? errors.distances.back() : NAN,
+                 last = difference(converged(order, grids[k - 1]), fine);
+    errors.distances.push_back(last);
     // round-off, which grows with 1/h^2: the grid before was the better
     if (k > 1 && last > before && last < 1e-6) {
       reference_error_ = last + reference_->time_error;
       reference_text_ = described(before, last, order) + "; finer grids are worse by round-off";
       break;
     }
-    const double in_space = k > 1 ? error_of_finest(before, last, order) : 2 * last;
+    // half as good as the rates promise
+    const double in_space = (k > 1 ? 2 : 1) * errors.predicted(errors.fineness.back());
     reference_ = fine;
     reference_error_ = in_space + fine.time_error;
     reference_text_ = described(before, last, order);
@@ -218,18 +222,13 @@ Trial WorkPrecision::repeated(const Setting& s, ChartRow& row) const {
     trial = run_trial(options_, s, "", limit);
     seconds.push_back(trial.seconds);
     spent += trial.seconds;
-    if (!trial.failed.empty()) break;
+    if (!trial.is_answer()) break;
   }
+  static_cast<Outcome&>(row) = trial;
   row.seconds = median(seconds);
   row.repeats = int(seconds.size());
-  row.method = trial.method + (s.eps > 0 ? ", smoothed over " + number_text(s.eps) : "");
-  row.implicit = trial.implicit;
-  row.steps = trial.steps;
-  row.rejections = trial.rejections;
-  row.rhs_evaluations = trial.rhs_evaluations;
-  row.warnings = trial.warnings;
-  row.fault = trial.fault;
-  row.failed = trial.failed;
+  row.method = trial.report.method + (s.eps > 0 ? ", smoothed over " + number_text(s.eps) : "");
+  if (trial.is_answer() || trial.report.steps > 0) row.implicit = to_string(trial.report.implicit);
   return trial;
 }
 

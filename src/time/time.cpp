@@ -362,14 +362,15 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
     impl_->view("-ts_view");
   }
   drive.update_report(impl_->model);
-  drive.report.reason = drive.plate_is_over        ? "ts_max_plate"
-                        : drive.t >= drive.run_end ? "end time"
-                        : drive.stop_asked         ? "stopped"
-                                                   : "ts_max_steps";
+  drive.report.stop = drive.plate_is_over        ? Stop::max_plate
+                      : drive.t >= drive.run_end ? Stop::end_time
+                      : drive.stop_asked         ? Stop::asked
+                                                 : Stop::max_steps;
   return drive.report;
 }
 
 const TimeReport& Integrator::report() const { return impl_->drive.report; }
+const Model& Integrator::model() const { return impl_->model; }
 double Integrator::next_step() const { return impl_->drive.h; }
 void Integrator::set_next_step(double dt) { impl_->drive.h = dt; }
 void Integrator::count_from(std::int64_t steps) { impl_->drive.steps = steps; }

@@ -1,6 +1,6 @@
 // How many names of options stand in the read-only data of PETSc and SLEPc, and which of those that their
 // objects print under -help do not. Of another release than the program's: compile this file with
-// src/options/library_options.cpp and src/base/text.cpp against it, -DFMT_HEADER_ONLY.
+// src/options/library_names.cpp and src/base/text.cpp against it, -DFMT_HEADER_ONLY.
 #include "../asked_options.hpp"
 #include "stickslip/options/library_options.hpp"
 

@@ -2,6 +2,7 @@
 sound runs of the same scenes, which stay silent."""
 import json
 import os
+import re
 import subprocess
 import tempfile
 
@@ -51,6 +52,12 @@ def test_sound_runs():
 def test_blow_up():
     Run(TRAIN + "-ts_type rk -ts_rk_type 4 -ts_dt 0.6").expect(
         1, "beyond the stability limit of rk:4", "the solution is not finite")
+    # friction that the start does not meet yet, up to 900 per unit time: rk:5dp is stable up to 3.3 over that (3.31 on the
+    # negative real axis), and both the warning and the message where it ends name that
+    run = Run(f"{SOURCE}/runs/chart-stiff-friction.yaml -ts_type rk:5dp -ts_adapt_type none -ts_dt 0.01").expect(
+        1, "ts_dt 0.01 is beyond the stability limit of rk:5dp", "the solution is not finite", "where friction is steepest")
+    for limit in re.findall(r"(?:here|rk:5dp) is about ([0-9.]+)|which is about ([0-9.]+)", run.said):
+        check(abs(float("".join(limit)) - 3.31 / 900) < 1e-4, f"limit {limit}: {run.said}")
     # linearly implicit: no Newton's method that could fail, but the step is as wrong as its one linear solve
     Run(TRAIN + "-ts_type rosw -ts_adapt_type none -ts_dt 2").expect(1, "the solution is not finite")
     # beyond the limit and yet bounded: friction holds the short waves

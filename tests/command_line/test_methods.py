@@ -90,3 +90,4 @@ def test_log_view_names_what_is_done():
         said = call(f"{more} -log_view", command=command).stdout
         for stage in stages:
             check(re.search(rf"^ *\d+: +{stage}: ", said, re.MULTILINE), f"{command}: {stage} in {said[:3000]}")
+        check(not re.search(r"Stage \d+: Unknown", said), f"{command}: a stage without a name in {said[:3000]}")

@@ -30,7 +30,7 @@
 //     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of
 //                    the larger until then
 // Asked for, each event also has the times at which its nodes first slipped, from which the speeds of its
-// fronts follow (src/output/catalogue.hpp). With friction that sticks these times are exact; otherwise |psi| is
+// fronts follow (output/catalogue.hpp). With friction that sticks these times are exact; otherwise |psi| is
 // taken to rise linearly within a step.
 // A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the
 // direction. With friction that sticks strain_energy = friction_work + radiated but for what the plate does

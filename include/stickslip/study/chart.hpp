@@ -27,17 +27,11 @@ namespace stickslip {
 
 struct TableText;  // src/output/table.hpp
 
-struct ChartRow {
+struct ChartRow : Outcome {  // failed: "" or why there is no error
   Setting setting;
   std::string method, implicit;  // as run
   std::optional<double> error, error_time, error_space;
-  double seconds = 0;
   int repeats = 0;
-  std::int64_t steps = 0, rejections = 0;
-  long rhs_evaluations = 0;
-  Fault fault = Fault::none;
-  std::string failed;  // "" or why there is no error
-  std::vector<std::string> warnings;
   bool best = false;  // of chart_front()
 };
 
@@ -51,11 +45,6 @@ std::vector<MethodSpec> chart_methods(const Options& options, std::vector<std::s
 // The settings of a chart, in the order of its rows: methods, orders, grids, tolerances (or steps), as listed
 // by the options or by default. Throws UsageError.
 std::vector<Setting> chart_settings(const Options& options);
-
-// The error of the finest of three or more grids, each twice as fine as the one before, whose last two
-// differences are `before` and `last`, at order p: half as good as the measured rate promises, and never
-// better than the order does.
-double error_of_finest(double before, double last, int order);
 
 std::vector<TableText> chart_tables();  // of what it writes
 // Body of `stickslip chart`. Returns the exit code. Collective.

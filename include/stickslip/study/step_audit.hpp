@@ -20,7 +20,6 @@
 
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -31,6 +30,13 @@
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {
+
+// Largest growth rates, 1/time, of perturbations of steady sliding: of the wavelengths that the grid
+// resolves, which are the continuum's own (all in the chain; all too where it resolves none), and of all. NaN
+// where there is no steady sliding (a contact age at v = 0).
+struct SlidingGrowth {
+  double resolved = NAN, of_all = NAN;
+};
 
 class StepAudit : public Observer {
  public:
@@ -59,10 +65,7 @@ class StepAudit : public Observer {
     int beyond = 0;                     // steps given up on: too far for an accurate repetition
     bool near_sliding = false;          // does psi stand within a tenth of v at half the nodes?
     double near_time = 0;               // so long the motion was near sliding, as seen at the 16 times
-    double near_growth = NAN, near_growth_of_all = NAN;  // growth rates at the steps taken then, as below
-    // Growth rates of sliding's perturbations, the true ones and those of the steps taken in the second half:
-    // of the wavelengths that the grid resolves, and of all. NaN where there is no steady sliding.
-    double growth = NAN, growth_taken = NAN, growth_of_all = NAN, growth_taken_of_all = NAN;
+    SlidingGrowth truly, taken, near;   // of the steps taken in the second half; of those taken near sliding
   };
   // At the end, at u.
   Verdict verdict(Vec u) const;
@@ -91,9 +94,9 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene);
 // resolves, all in the chain: the true one and that of the steps taken. NaN where it is not known, and then
 // `why_not` says why. `beyond`: where those decay, that of shorter waves of the grid that grow; else NaN.
 struct NearestGrowth {
-  double growth, taken;
+  double growth = NAN, taken = NAN;
   std::string why_not;
-  double beyond = std::numeric_limits<double>::quiet_NaN();
+  double beyond = NAN;
 };
 
 // Of a run that has taken so many evaluations of the right-hand side. Where all nodes slide alike the audit

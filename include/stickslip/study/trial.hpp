@@ -16,6 +16,7 @@
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/probe.hpp"
 #include "stickslip/time/methods.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
@@ -31,7 +32,22 @@ struct Setting {
 };
 
 // Why a run has no answer.
-enum class Fault { none, too_slow, too_many_steps, failed };
+enum class Fault { none, too_slow, too_many_steps, not_finite, not_solved, failed };
+
+// What a run came to.
+struct Outcome {
+  Fault fault = Fault::none;
+  std::string failed;  // why, in words
+  TimeReport report;   // as far as it came
+  // of processor time, from setting the method up to the end, the largest over the ranks
+  double seconds = 0;
+  std::vector<std::string> warnings;
+  bool is_answer() const { return fault == Fault::none; }
+  void fail(Fault of, const std::string& why) {
+    fault = of;
+    failed = why;
+  }
+};
 
 // psi and eta at every node, on every rank; and, in a continuum whose friction differs along x, what
 // interpolation between nodes needs (probe.hpp): the stored state, if there is one, and the force of friction
@@ -51,33 +67,24 @@ struct Answer {
 Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta,
                             std::vector<double> state);
 
-struct Trial {
+struct Trial : Outcome {
   Fields end;                    // empty where it failed
   std::vector<double> measured;  // what was to be measured beside it
-  // of processor time, from setting the method up to the end, the largest over the ranks
-  double seconds = 0;
-  double t = 0;  // reached
-  std::int64_t steps = 0, rejections = 0;
-  long rhs_evaluations = 0;
-  std::string method, implicit;
-  Fault fault = Fault::none;
-  std::string failed;  // "" or why, in words
-  std::vector<std::string> warnings;
 };
-
-// Option ts_max_steps, which may be more than an int holds; where it is unset as many as can be counted.
-std::int64_t most_steps(const Options& options);
 
 // Processor time of this process so far; collectively the largest over the ranks.
 double processor_seconds();
 double largest_processor_seconds();
+
+// Option ts_max_steps, which may be more than an int holds; where it is unset as many as can be counted.
+std::int64_t most_steps(const Options& options);
 
 // The options of the scene on another grid: grid_n and grid_order are set. And the scene.
 Options options_for(const Options& options, const Setting& setting);
 Scene on_grid(Scene scene, PetscInt n, int order);
 
 // Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that
-// fails, or that would take more than `limit` seconds, is reported in `failed`; warnings are kept and not
+// fails, or that would take more than `limit` seconds, is reported as its fault; warnings are kept and not
 // printed. `measure`, if given, makes an observer of the run. Throws UsageError where scene or start cannot
 // be had on this grid. Collective.
 Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit,

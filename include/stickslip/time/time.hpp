@@ -124,13 +124,15 @@ class NotSolved : public Failure {
 };
 
 // What a run did.
+enum class Stop { end_time, max_steps, max_plate, asked };  // asked: by an observer
+
 struct TimeReport {
   double t = 0;  // reached
   std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;  // of the whole right-hand side or of parts of it
   std::string method;        // e.g. "rk:5dp"
   Implicit implicit = Implicit::none;
-  std::string reason;  // why it stopped: "end time", "ts_max_steps", or what an observer asked for
+  Stop stop = Stop::end_time;  // why it went no further, where it came to a step's end
 };
 
 // Steps and rejections are counted in 64 bits, whatever the TS counts in.
@@ -172,6 +174,7 @@ class Integrator {
                      std::int64_t max_steps = std::numeric_limits<std::int64_t>::max());
 
   // The length of the next step, as it is proposed; and how many are done, for those that follow.
+  const Model& model() const;
   double next_step() const;
   void set_next_step(double dt);
   void count_from(std::int64_t steps);
