@@ -69,6 +69,19 @@ TEST_CASE("the speed of a pulse train between ends is that of its fronts", "[mea
   CHECK(result.motion == Motion::stick_slip);
 }
 
+TEST_CASE("a motion that decays as fast as half of what sliding promises does not stand", "[measure]") {
+  // Sliding's perturbations decay with `growth`; a motion that shrinks at 0.7 of that goes there, one at 0.3
+  // of it does not. Both change by less in 20 times the run than what counts as standing.
+  Scene scene;
+  scene.n = 9;
+  scene.v = 0.2;
+  const double t_end = 100, growth = -4e-4, part = GENERATE(0.3, 0.7);
+  const Measured result = measured(
+      scene, t_end, 4096,
+      [&](double, double t) { return 0.2 + std::exp(part * growth * t) * std::sin(2 * M_PI / 5 * t); }, growth);
+  CHECK((result.motion == Motion::stick_slip) == (part < 0.5));
+}
+
 TEST_CASE("an oscillation in step has no wave speed", "[measure]") {
   Scene scene;
   scene.left = scene.right = End::free;

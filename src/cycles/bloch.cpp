@@ -238,7 +238,7 @@ class Waves {
       throw UsageError("cycle_spectrum: the cell's ends are not those of a ring, so that it does not repeat");
     length_ = scene_.form == Form::chain ? double(scene_.n) : scene_.h() * double(scene_.n);
   }
-  bool coupled() const { return scene_.K1() > 0; }
+  bool coupled() const { return scene_.K1() > 0 || scene_.N() > 0; }
   double period() const { return cycle_.period; }
   bool continuum_node() const { return one_node_ && scene_.form == Form::continuum; }
   double longest_wavenumber() const {
@@ -261,7 +261,8 @@ class Waves {
   // or in k.
   double diffusion() const {
     if (one_node_) {
-      const double unit = 1e-3 * scene_.K0() / scene_.K1();
+      const double viscous = 2 * M_PI * scene_.N() / period();  // as stiff as that at the frequency of the cycle
+      const double unit = 1e-3 * scene_.K0() / std::max(scene_.K1(), viscous);
       const auto f = [&](double part) { return phase_growth(map_.of_wave(part * unit)); };
       return -(8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * unit);
     }

@@ -140,9 +140,10 @@ constexpr double n_max = double(std::int64_t(int_max) / 3);  // three unknowns a
 
 bool is_chain(const Options& options) { return options.text("model_form") == "chain"; }
 
+// A cell of one block that is repeated (cycle_spectrum) has neighbours.
 std::string one_block(const Options& options) {
-  return is_chain(options) && options.text("grid_n") == "1" ? "grid_n is 1, and one block has no neighbour"
-                                                            : "";
+  const bool alone = is_chain(options) && options.text("grid_n") == "1" && !options.boolean("cycle_spectrum");
+  return alone ? "grid_n is 1, and one block has no neighbour" : "";
 }
 
 std::string one_block_without_paper(const Options& options) {

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from calls import call, data, refused, run, scene_file, tool
+from calls import call, check, data, refused, run, scene_file, tool
 from reference import System, bloch, multipliers, near, options, read
 from settling import compare
 from settling import scene as settling_scene
@@ -336,3 +336,18 @@ def test_a_plate_so_slow_that_a_block_creeps_for_thousands_of_turns():
     found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_m 1 -model_f0 1 -model_k0 0.3 -friction_law rate-and-state -friction_a 0.05 "
                    "-friction_b 0.1 -friction_D 0.1 -state_law ageing -cycle_cell 0 -model_v 1e-5", command="cycle")
     assert abs(found["period"] / 486593 - 1) < 1e-5 and found["stable"]
+
+
+def test_neighbours_that_feel_each_other_by_viscosity():
+    """Phases that part are drawn together in proportion to the viscosity, however weak and however strong: what sliding blocks lose
+    of kappa^2 psi to it has the same part along the phase at each. Beside springs too, whose own part is subtracted."""
+    def diffusion(k1, nu):
+        found, _ = run(f"-model_form chain -grid_n 1 -model_k0 1 -model_v 0.6 -model_k1 {k1} -model_nu {nu} -cycle_spectrum "
+                       "-cycle_wavenumbers 8", command="cycle")
+        check(found["warnings"] == [], found["warnings"])
+        check((found["stable"], found["decided"]) == (nu > 0, True), f"k1 {k1}, nu {nu}: {found['growth_rate']}")
+        return found["diffusion"]
+    one, springs = diffusion(0, 1e-6), diffusion(0.01, 0)
+    for nu in (2e-6, 1e-3, 10):
+        check(abs(diffusion(0, nu) / one - nu / 1e-6) < 1e-5 * nu / 1e-6, f"nu {nu}")
+    check(abs(diffusion(0.01, 10) - springs - 1e7 * one) < 1e-5 * 1e7 * one, "beside springs")

@@ -207,3 +207,16 @@ def test_stiffness_and_friction_at_the_reference_are_fitted():
     np.savetxt("d.txt", np.c_[data("r.h5")["t"][1:], data("r.h5")["eta"][1:, 0]], fmt="%.15g")
     s = fit_of(scene + "-model_k0 0.04 -friction_mu0 0.6 -fit_data d.txt -fit_parameters model_k0,friction_mu0 -fit_starts 1")
     check(np.allclose(values(s), [0.03, 0.62], rtol=1e-4), f"{s['parameters']}")
+
+
+def test_errors_count_the_parameters():
+    """Each of N rows twice: squares of residuals and J^T J double, so that with n parameters errors fall by
+    sqrt((N - n)/(2 N - n)); a billionth of time between two rows moves that by as much."""
+    t = np.array([0.5, 1.2, 2, 3, 4.1, 5])
+    y, errors = 0.4 + 0.1 * np.sin(t), []
+    for times in (t, np.sort(np.concatenate([t, t + 1e-9]))):
+        np.savetxt("rows.txt", np.stack([times, np.repeat(y, len(times) // len(t))], axis=1), fmt="%.17g")
+        found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_k0 0.5 -model_zeta 0.3 -model_v 0.5 -init_psi 0.2 -init_eta 0"
+                       " -ts_max_time 6 -fit_data rows.txt -fit_of psi -fit_parameters model_zeta,model_k0 -fit_starts 1", command="fit")
+        errors.append(np.array([p["error"] for p in found["parameters"]]))
+    assert np.allclose(errors[1] / errors[0], np.sqrt((6 - 2) / (12 - 2)), rtol=1e-4)
