@@ -76,12 +76,18 @@ Table<RestAt> rest_table(const std::string& unit_of_x) {
            {"end", "time", "until when", &RestAt::end}}};
 }
 
+// Null where deviations are not linear.
+Json is_stable_alike(const CycleResults& a) {
+  const double growth = growth_rate(a.found.cycle);
+  return std::isnan(growth) ? Json() : Json(growth < 0);
+}
+
 // Whether all deviations decay: known without a look at waves where there are none, or where one grows that
 // is alike in every cell.
 Json is_stable(const CycleResults& a) {
   if (a.spectrum) return a.spectrum->decided ? Json(a.spectrum->stable) : Json();
-  const bool alike = growth_rate(a.found.cycle) < 0;
-  return a.found.alone || !alike ? Json(alike) : Json();
+  const Json alike = is_stable_alike(a);
+  return a.found.alone || alike == Json(false) ? alike : Json();
 }
 
 Json branch_of(const CycleResults& a) {
@@ -99,11 +105,15 @@ Columns<CycleResults> keys() {
               "Floquet multipliers of the cell, largest first: `re`, `im`; the phase mode's, 1, among them, "
               "but "
               "not under a load",
-              [](A a) { return Json(a.found.cycle.multipliers); }},
+              [](A a) {
+                const Cycle& c = a.found.cycle;
+                return c.not_linear.empty() ? Json(c.multipliers) : Json();
+              }},
              {"multiplier_error", "1", "how far the phase mode's is from 1; null under a load",
               [](A a) {
                 const Cycle& c = a.found.cycle;
-                return c.forcing_periods > 0 ? Json() : Json(std::abs(c.multipliers[c.phase_mode] - 1.));
+                const bool none = c.forcing_periods > 0 || !c.not_linear.empty();
+                return none ? Json() : Json(std::abs(c.multipliers[c.phase_mode] - 1.));
               }},
              {"forcing_periods", "1", "periods of the load in one of the cycle; null without a load",
               [](A a) {
@@ -111,7 +121,7 @@ Columns<CycleResults> keys() {
                 return periods > 0 ? Json(periods) : Json();
               }},
              {"stable_alike", "", "perturbations that are the same in every cell decay",
-              [](A a) { return growth_rate(a.found.cycle) < 0; }},
+              is_stable_alike},
              {"stable", "",
               "all perturbations decay: with `-cycle_spectrum`, and for a whole scene; null where waves were "
               "not "
@@ -132,7 +142,11 @@ Columns<CycleResults> keys() {
               [](A a) { return a.spectrum && a.spectrum->coupled ? Json(a.spectrum->diffusion) : Json(); }},
              {"residual", "1", "of the equations, in units of psi and eta",
               [](A a) { return a.found.cycle.residual; }},
-             {"unknowns", "1", "of the cell", [](A a) { return a.found.cycle.multipliers.size(); }},
+             {"unknowns", "1", "of the cell",
+              [](A a) {
+                const Cycle& c = a.found.cycle;
+                return c.not_linear.empty() ? c.multipliers.size() : std::size_t(c.nodes * c.dof);
+              }},
              {"mesh_intervals", "1", "of the collocation in time, 0 with exact stick",
               [](A a) { return a.found.mesh_intervals; }},
              {"branch", "",
@@ -188,7 +202,8 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.add(standard_field("eta"), {"t", "x"}, fields[1]);
   if (cycle.dof == 3) file.add(standard_field(state_name(law)), {"t", "x"}, fields[2]);
   file.add(standard_field("chi"), {"t", "x"}, displacement_of(scene, cycle));
-  file.add_complex({"multiplier", "1", "Floquet multiplier"}, {"multiplier"}, cycle.multipliers);
+  if (cycle.not_linear.empty())
+    file.add_complex({"multiplier", "1", "Floquet multiplier"}, {"multiplier"}, cycle.multipliers);
   std::vector<RestAt> rests;
   for (const Rest& rest : cycle.rests) rests.push_back({found.x[rest.node], rest.begin, rest.end});
   add_rows(file, rest_table(unit_of_x), rests);
@@ -212,6 +227,10 @@ void describe(Summary& summary, const FoundCycle& found) {
   if (!names().length.empty() && !names().time.empty())
     summary.say("amplitude, as of a sine: " +
                 amplitude_text((cycle.psi_max - cycle.psi_min) / 2, 2 * M_PI / cycle.period, 4));
+  if (!cycle.not_linear.empty()) {
+    summary.say("perturbations: without multipliers and a verdict on stability: " + cycle.not_linear);
+    return;
+  }
   if (cycle.multipliers.size() < 2 && cycle.forcing_periods == 0) {
     summary.say("perturbations: none but a shift along the motion itself; a rest erases every other");
     return;
@@ -373,18 +392,19 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
 }
 
 [[noreturn]] void refuse_fate(const std::string& none, const StickFate& fate) {
-  if (!fate.why.empty()) throw Failure(none + ": the motion " + fate.why);
   throw Failure(none + ": the motion " + to_string(fate.fate) + " (looked at for a time of " +
                 rounded_text(fate.time) + ")");
 }
 
 FoundCycle sticking(const Options& options, const Scene& cell, const StickCycle& stick) {
   FoundCycle result{described(cell, stick), positions(cell), 0, nullptr, alone(options, cell), nullptr};
-  if (has_neighbours(options) && !cell.forced())
+  const std::string why = result.cycle.not_linear;
+  if (has_neighbours(options) && !cell.forced() && why.empty())
     result.waves = [cell, course = result.cycle, stick](int count) {
       return bloch_spectrum(stick, course, cell, count);
     };
-  result.branch = [options, stick](const std::string& name, double to, int steps, bool with_waves) {
+  result.branch = [options, stick, why](const std::string& name, double to, int steps, bool with_waves) {
+    if (!why.empty()) throw Failure("cycle_continue: a branch is followed by deviations that add up; " + why);
     return stick_branch(options, stick, name, to, steps, with_waves);
   };
   return result;

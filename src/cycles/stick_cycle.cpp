@@ -11,7 +11,6 @@
 #include "cycles/settle.hpp"
 #include "cycles/stick_motion.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/text.hpp"
 #include "stickslip/model/scales.hpp"
 #include "stickslip/numerics/linear_systems.hpp"
 
@@ -25,7 +24,6 @@ constexpr double near_sliding = 0.05;
 
 // of two places of a motion, in eta, and psi and the state of friction over their sizes
 constexpr double looks_equal = 1e-4;
-constexpr double exactly = 1e-9;  // the same, of a motion that has settled
 
 // Places of a motion on its section, the last one first: releases of a node, beginnings of a period of the
 // load.
@@ -34,21 +32,20 @@ class PastStates {
   // psi is every dof-th unknown, from the first on.
   explicit PastStates(std::size_t dof) : dof_(dof) {}
 
-  void remember(double t, const std::vector<double>& u) {
-    seen_.push_front({t, u});
+  void remember(const std::vector<double>& u) {
+    seen_.push_front(u);
     if (seen_.size() > most_returns + 1) seen_.pop_back();
   }
-  double time_since(int back) const { return seen_[0].t - seen_[std::size_t(back)].t; }
   double largest_psi() const {
     double largest = 0;
-    for (const Place& at : seen_)
-      for (std::size_t k = 0; k < at.u.size(); k += dof_) largest = std::max(largest, std::abs(at.u[k]));
+    for (const std::vector<double>& u : seen_)
+      for (std::size_t k = 0; k < u.size(); k += dof_) largest = std::max(largest, std::abs(u[k]));
     return largest;
   }
   // From the last to the one `back` before it.
   double apart(int back, double psi_size, double state_size) const {
     if (std::size_t(back) >= seen_.size()) return StickMotion::never;
-    const std::vector<double>&now = seen_[0].u, &then = seen_[std::size_t(back)].u;
+    const std::vector<double>&now = seen_[0], &then = seen_[std::size_t(back)];
     double apart = 0;
     for (std::size_t k = 0; k < now.size(); ++k) {
       const double size = k % dof_ == 0 ? psi_size : k % dof_ == 1 ? 1 : state_size;
@@ -58,12 +55,8 @@ class PastStates {
   }
 
  private:
-  struct Place {
-    double t;
-    std::vector<double> u;
-  };
   std::size_t dof_;
-  std::deque<Place> seen_;
+  std::deque<std::vector<double>> seen_;
 };
 
 // A motion that is looked at where it passes a section, until it is known what becomes of it.
@@ -74,10 +67,7 @@ class Settling {
   std::optional<StickCycle> close(int back) {
     try {
       return cycle_near(m_, since(back));
-    } catch (const Failure& e) {
-      if (returned(back) < exactly)
-        end(Fate::repeats_only, "repeats after a time of " + rounded_text(past().time_since(back), 10) +
-                                    ", but no cycle can be made of it: " + e.what());
+    } catch (const Failure&) {
     }
     return std::nullopt;
   }
@@ -90,10 +80,9 @@ class Settling {
     m_.decide(p_);
   }
   virtual ~Settling() = default;
-  virtual const PastStates& past() const = 0;
   virtual StickCycle since(int back) const = 0;
-  bool end(Fate fate, const std::string& why = "") {
-    fate_ = {fate, {}, 0, why};
+  bool end(Fate fate) {
+    fate_ = {fate, {}, 0};
     ended_ = true;
     return false;
   }
@@ -101,7 +90,7 @@ class Settling {
   const StickMotion& m_;
   StickState p_;
   bool ended_ = false;
-  StickFate fate_{Fate::wanders, {}, 0, ""};
+  StickFate fate_{Fate::wanders, {}, 0};
 };
 
 // With a plate that goes evenly: its releases.
@@ -134,7 +123,7 @@ class Releases : public Settling {
         released_ = released_ || (c.before == 0 && m_.size() == 2);
         if (c.before != 0) continue;
         here_ = c;
-        at(c).remember(p_.t, p_.u);
+        at(c).remember(p_.u);
         return true;
       }
       beat("slips");
@@ -172,7 +161,7 @@ class Releases : public Settling {
   PastStates& at(const Change& c) {
     return seen_.try_emplace({c.node, c.after}, std::size_t(m_.dof())).first->second;
   }
-  const PastStates& past() const override { return seen_.at({here_.node, here_.after}); }
+  const PastStates& past() const { return seen_.at({here_.node, here_.after}); }
   StickCycle since(int back) const override {
     StickCycle near;
     near.start = p_.u;
@@ -269,7 +258,7 @@ class LoadPeriods : public Settling {
     ++periods_;
     if (fastest() > escape_) return end(Fate::grows);
     quiet_ = changed ? 0 : quiet_ + 1;
-    seen_.remember(periods_ * period_, p_.u);
+    seen_.remember(p_.u);
     for (int back = 1; back <= most_returns && quiet_ > most_returns; ++back)
       if (seen_.apart(back, m_.psi_scale(), m_.state_scale()) < looks_equal)
         return end(m_.free_nodes_rest(p_) ? Fate::stuck : Fate::oscillates);
@@ -286,7 +275,6 @@ class LoadPeriods : public Settling {
   }
 
  private:
-  const PastStates& past() const override { return seen_; }
   double fastest() const {
     double most = 0;
     for (int i = 0; i < m_.nodes(); ++i) most = std::max(most, std::abs(p_.u[i * m_.dof()]));
@@ -324,8 +312,7 @@ class LoadPeriods : public Settling {
 
 std::string to_string(Fate fate) {
   switch (fate) {
-    case Fate::repeats:
-    case Fate::repeats_only: return "sticks and slips periodically";
+    case Fate::repeats: return "sticks and slips periodically";
     case Fate::slides: return "slides steadily";
     case Fate::oscillates: return "oscillates without rest";
     case Fate::stuck: return "rests permanently";
@@ -349,7 +336,7 @@ template <class Motion>
 StickFate fate_of(Motion& motion, double passages) {
   Settled<StickCycle> settled = settle(motion, {passages, looks_equal, false});
   StickFate fate = motion.fate();
-  if (settled.cycle) fate = {Fate::repeats, std::move(*settled.cycle), fate.time, ""};
+  if (settled.cycle) fate = {Fate::repeats, std::move(*settled.cycle), fate.time};
   return fate;
 }
 
@@ -410,7 +397,7 @@ constexpr int most_rounds = 45;  // settled by then, but for the last millionth 
 
 StickFate uniform_stick_fate(const Scene& s) {
   const StickMotion motion(s);
-  if (never_slips(s)) return {Fate::stuck, {}, 0, ""};
+  if (never_slips(s)) return {Fate::stuck, {}, 0};
   const StickFate strong = fate_of_releases(motion, after_rest(motion, long_rest));
   if (strong.fate == Fate::repeats || motion.dof() == 2) return strong;
   const StickFate weak = fate_of_releases(motion, after_rest(motion, short_rest));

@@ -15,6 +15,7 @@
 namespace stickslip {
 
 double growth_rate(const Cycle& cycle) {
+  if (!cycle.not_linear.empty()) return std::numeric_limits<double>::quiet_NaN();
   double largest = 0;
   for (std::size_t k = 0; k < cycle.multipliers.size(); ++k)
     if (k != cycle.phase_mode) largest = std::max(largest, std::abs(cycle.multipliers[k]));

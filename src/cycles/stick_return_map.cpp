@@ -272,6 +272,37 @@ double distance(const StickMotion& m, const std::vector<double>& one, const std:
   return apart;
 }
 
+// What a motion repeats exactly is a cycle, whether or not Newton's method has an answer there (its
+// deviations may be none that are linear): the motion itself goes on until it comes no nearer.
+std::optional<StickCycle> repeated(const StickMotion& m, const StickCycle& near) {
+  constexpr double exactly = 1e-9;
+  StickCycle c(near);
+  try {
+    for (double last = exactly;;) {
+      c.start = on_section(m, c);
+      const std::vector<double> image = return_map_of(m, c, {}).at.u;
+      const double apart = distance(m, image, c.start);
+      if (last == exactly && !(apart < exactly)) return std::nullopt;
+      if (!(apart < last)) break;
+      last = apart;
+      c.start = image;
+    }
+    close_cycle(m, c);
+  } catch (const Failure&) {
+    return std::nullopt;
+  }
+  return c;
+}
+
+StickCycle solved(const StickMotion& m, const StickCycle& near) {
+  try {
+    return polished(m, near);
+  } catch (const Failure&) {
+    if (std::optional<StickCycle> same = repeated(m, near)) return *same;
+    throw;
+  }
+}
+
 StickCycle shortest(const StickMotion& m, const StickCycle& found) {
   constexpr double same = 1e-7;
   int& (*const count_of)(StickCycle&) = [](StickCycle& c) -> int& {
@@ -284,7 +315,7 @@ StickCycle shortest(const StickMotion& m, const StickCycle& found) {
     count_of(part) = count;
     if (m.forced()) part.load.time = std::fmod(found.load.time, count * m.scene().forcing_period());
     try {
-      if (distance(m, return_map_of(m, part, {}).at.u, found.start) < same) return polished(m, part);
+      if (distance(m, return_map_of(m, part, {}).at.u, found.start) < same) return solved(m, part);
     } catch (const Failure&) {
     }
   }
@@ -295,7 +326,7 @@ StickCycle shortest(const StickMotion& m, const StickCycle& found) {
 
 std::optional<StickCycle> cycle_near(const StickMotion& m, const StickCycle& near) {
   constexpr double far = 1e-2;
-  const StickCycle exact = polished(m, near);
+  const StickCycle exact = solved(m, near);
   if (distance(m, exact.start, near.start) > far) return std::nullopt;
   return shortest(m, exact);
 }
@@ -437,7 +468,11 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   leave_out_held(motion, c);
   for (std::size_t k = 0; k < c.states.size(); k += std::size_t(c.dof))  // a stop is located to round-off
     if (std::abs(c.states[k]) < 1e-13 * motion.psi_scale()) c.states[k] = 0;
-  c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
+  try {
+    c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
+  } catch (const Failure& e) {
+    c.not_linear = e.what();
+  }
   set_error(motion, from, return_map_of(rough, from, {}), c);
   for (std::size_t k = 0; k < c.times.size(); ++k)  // without the harmonic force
     for (PetscInt i = 0; i < c.nodes; ++i)

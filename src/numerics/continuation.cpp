@@ -65,6 +65,7 @@ constexpr double directed = 1e-9;
 // Changes nearer to each other are one: where other solutions branch off, the solution itself is known to
 // some 1e-7 only, by which two multipliers that pass 1 together come apart by up to 1e-6.
 constexpr double beyond = 1e-5;
+constexpr const char* what_changes = "a multiplier on the unit circle";
 
 // Halves of a period so near to each other may change places within a step, and a step that leaves so little
 // of what they differ by has gone over to the solutions of half the period.
@@ -95,14 +96,20 @@ class Walk {
 
   void go(double distance);  // the candidate at this distance along the tangent
   void add(const std::string& kind, double distance);
+  void insert(double distance, SpecialPoint point);
   double locate(const std::string& kind, const std::function<double()>& test, double before, double after);
   [[noreturn]] static void passed_unseen(const std::string& kind, const std::string& why);
   void find_special(const Place& tangent);
   double find_fold(const Place& tangent);
   void find_tests();
-  Signature signature_at(double distance, const std::string& what);
-  void find_changes(double from, Signature now, double to, const Signature& after);
-  void name_change(const Signature& before, const Signature& after, double distance);
+  struct Seen {  // a place of the step
+    double distance;
+    std::shared_ptr<Look> look;
+  };
+  Seen seen_at(double distance);
+  void find_changes(Seen from, const Seen& to);
+  Seen behind_change(double distance, const Seen& to);
+  void add_change(const Seen& last, const Seen& next);
   std::string end_where_it_repels();
   std::string end_at_hopf();
   std::optional<double> infinite_period() const;
@@ -267,15 +274,14 @@ void Walk::passed_unseen(const std::string& kind, const std::string& why) {
 // The candidate, at this distance, is special. In order along the step.
 void Walk::add(const std::string& kind, double distance) {
   const std::shared_ptr<Look> there = kind == "wave" ? look() : family_.look();
-  const SpecialPoint point{kind,
-                           there->value,
-                           there->period,
-                           kind == "wave" ? there->wavenumber : 0,
-                           branch_.points.size() - 1,
-                           there};
+  insert(distance, {kind, there->value, there->period, kind == "wave" ? there->wavenumber : 0,
+                    branch_.points.size() - 1, there});
+}
+
+void Walk::insert(double distance, SpecialPoint point) {
   const auto behind = std::find_if(passed_.begin(), passed_.end(),
                                    [&](const auto& other) { return other.first > distance; });
-  passed_.insert(behind, {distance, point});
+  passed_.insert(behind, {distance, std::move(point)});
 }
 
 // The distance at which the test function of the candidate, whose values at the ends of the step are given,
@@ -300,18 +306,17 @@ double Walk::locate(const std::string& kind, const std::function<double()>& test
 
 // Special points between where the branch stands and the candidate.
 void Walk::find_special(const Place& tangent) {
-  const Signature before = signature(*last_), after = signature(*seen_);
+  const Seen begin{0, last_}, end{length_, seen_};
   const double fold = find_fold(tangent);
   if (std::isnan(fold)) {
-    find_changes(0, before, length_, after);
+    find_changes(begin, end);
   } else {  // the multiplier that passes 1 there is its own
-    const double from = std::max(0., fold - beyond), to = std::min(length_, fold + beyond);
-    const Signature there = from > 0 ? signature_at(from, "fold") : before,
-                    behind = to < length_ ? signature_at(to, "fold") : after;
-    find_changes(0, before, from, there);
-    find_changes(to, behind, length_, after);
+    const Seen there = fold - beyond > 0 ? seen_at(fold - beyond) : begin,
+               behind = fold + beyond < length_ ? seen_at(fold + beyond) : end;
+    find_changes(begin, there);
+    find_changes(behind, end);
     for (const size_t kind : {1, 2})
-      if (there[kind] != behind[kind]) {
+      if (signature(*there.look)[kind] != signature(*behind.look)[kind]) {
         go(fold);
         add(kinds[kind], fold);
       }
@@ -355,44 +360,75 @@ void Walk::find_tests() {
   }
 }
 
-Signature Walk::signature_at(double distance, const std::string& what) {
-  try {
-    go(distance);
-    return signature(*family_.look());
-  } catch (const Error& e) {
-    passed_unseen(what, e.what());
-  }
-}
-
-// Changes of the multipliers' places, by halving, one after the other.
-void Walk::find_changes(double from, Signature now, double to, const Signature& after) {
-  constexpr int most = 8;  // that one step may have
-  const std::string what = "a multiplier on the unit circle";
-  for (int count = 0; now != after && from < to; ++count) {
-    if (count == most) passed_unseen(what, "there are more than " + std::to_string(most) + " in one step");
-    const double s = last_place([&](double at) { return signature_at(at, what) == now; }, from, to, 1e-10);
-    from = std::min(to, s + beyond);
-    const Signature there = from < to ? signature_at(from, what) : after, next = there == now ? after : there;
-    name_change(now, next, s);
-    now = next;
-  }
-}
-
-// Which multiplier passes the unit circle at the distance, and where: the nearest to it. Two that meet
-// outside of it and part do not change the number of those outside.
-void Walk::name_change(const Signature& before, const Signature& after, double distance) {
-  if (outside(before) == outside(after)) return;
+Walk::Seen Walk::seen_at(double distance) {
   go(distance);
-  double nearest = 1e-3;  // further off, it jumps
-  std::string kind = "corner";
-  const std::shared_ptr<Look> there = family_.look();
-  for (const std::complex<double> mu : there->multipliers) {
-    const double off = std::abs(std::abs(mu) - 1);
-    if (!(off < nearest)) continue;
-    nearest = off;
-    kind = kinds[size_t(passing(mu))];
+  return {distance, family_.look()};
+}
+
+// Changes of the multipliers' places, by halving, one after the other. Where other solutions branch off the
+// equations are singular, and whether they are solved near by is a matter of chance: another place near the
+// middle does as well, and where none does, so near, the change lies between the last two that did.
+void Walk::find_changes(Seen from, const Seen& to) {
+  constexpr int most = 8;  // that one step may have
+  constexpr double parts[] = {.5, .4, .6, .3, .7}, within = 1e-10;
+  for (int count = 0; signature(*from.look) != signature(*to.look) && from.distance < to.distance; ++count) {
+    if (count == most)
+      passed_unseen(what_changes, "there are more than " + std::to_string(most) + " in one step");
+    const Signature now = signature(*from.look);
+    Seen last = from, next = to;
+    std::string why;
+    const auto between = [&]() -> std::optional<Seen> {
+      for (const double part : parts) {
+        try {
+          return seen_at(last.distance + part * (next.distance - last.distance));
+        } catch (const Error& e) {
+          why = e.what();
+        }
+      }
+      return std::nullopt;
+    };
+    while (next.distance - last.distance > within) {
+      const std::optional<Seen> middle = between();
+      if (!middle && next.distance - last.distance > beyond) passed_unseen(what_changes, why);
+      if (!middle) break;
+      (signature(*middle->look) == now ? last : next) = *middle;
+    }
+    const Seen behind = behind_change(last.distance, to);
+    // two that meet outside of the circle and part do not change how many are there
+    if (outside(signature(*behind.look)) != outside(now)) add_change(last, next);
+    from = behind;
   }
-  add(kind, distance);
+}
+
+// Where what passes together with a multiplier that passes here has passed, too.
+Walk::Seen Walk::behind_change(double distance, const Seen& to) {
+  for (double past = beyond; distance + past < to.distance; past *= 2) {
+    try {
+      return seen_at(distance + past);
+    } catch (const Error&) {
+    }
+  }
+  return to;
+}
+
+// Which multiplier passes the unit circle between two places, and where: the nearest to it.
+void Walk::add_change(const Seen& last, const Seen& next) {
+  constexpr double jumps = 1e-3;  // further off
+  const auto nearest = [](const Look& look) {
+    return *std::min_element(look.multipliers.begin(), look.multipliers.end(), [](auto a, auto b) {
+      return std::abs(std::abs(a) - 1) < std::abs(std::abs(b) - 1);
+    });
+  };
+  const std::complex<double> mu = nearest(*last.look);
+  const double before = std::abs(std::abs(mu) - 1), behind = std::abs(std::abs(nearest(*next.look)) - 1);
+  const double part = before + behind > 0 ? before / (before + behind) : 0;
+  SpecialPoint point{before < jumps ? kinds[size_t(passing(mu))] : "corner",
+                     last.look->value + part * (next.look->value - last.look->value),
+                     last.look->period + part * (next.look->period - last.look->period),
+                     0,
+                     branch_.points.size() - 1,
+                     last.look};
+  insert(last.distance, std::move(point));
 }
 
 std::string Walk::end_where_it_repels() {

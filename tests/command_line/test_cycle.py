@@ -316,10 +316,16 @@ def test_a_start_on_unstable_sliding_is_pushed_off():
         assert found["psi_max"] > 1 and found["psi_min"] < 1e-12 and found["stable"], words
 
 
-def test_what_repeats_without_linear_deviations_is_said_to_repeat():
-    refused("-model_form chain -grid_n 2 -bc_left free -model_m 2 -model_k0 1.2 -model_f0 .5 -model_k1 .6 -model_nu .2 -model_zeta 0 "
-            "-friction_law carlson-langer -friction_alpha .27 -friction_sigma .2 -model_v .75 -cycle_cell 0 -init_psi .7 -init_eta .7",
-            1, "repeats after a time of 8.2561", "several nodes begin to slip at once", command="cycle")
+def test_a_cycle_without_linear_deviations_is_answered():
+    """Several nodes begin to slip at once, which motions beside it do one by one: a period, and no multipliers."""
+    pair = ("-model_form chain -grid_n 2 -bc_left free -model_m 2 -model_k0 1.2 -model_f0 .5 -model_k1 .6 -model_nu .2 -model_zeta 0 "
+            "-friction_law carlson-langer -friction_alpha .27 -friction_sigma .2 -model_v .75 -init_psi .7 -init_eta .7 ")
+    found, _ = run(pair + "-cycle_cell 0", command="cycle")
+    ran, _ = run(pair + "-ts_max_time 300")
+    assert abs(found["period"] / ran["period"] - 1) < 1e-6 and found["residual"] < 1e-9
+    assert [found[name] for name in ("multipliers", "multiplier_error", "stable", "stable_alike", "growth_rate")] == [None] * 5
+    assert "several nodes begin to slip at once" in call((pair + "-cycle_cell 0").split(), command="cycle").stderr
+    refused(pair + "-cycle_cell 0 -cycle_continue model_v -cycle_to 0.8", 1, "deviations that add up", command="cycle")
 
 
 def test_slow_decay_is_no_chaos():

@@ -42,6 +42,7 @@ struct Cycle {
   // under a load, which sets the phase. Directions that a rest wipes out have the multiplier 0.
   std::vector<std::complex<double>> multipliers;
   std::size_t phase_mode = 0;
+  std::string not_linear;  // why there are none: deviations do not add up
 
   double psi_min = 0, psi_max = 0;  // over the nodes and one period
   double amplitude = 0;             // half the largest range of psi at a node, as `run` has it
@@ -238,7 +239,6 @@ Scene one_node_of(const Scene& scene);
 // What the motion from a start comes to.
 enum class Fate {
   repeats,     // a cycle with rests
-  repeats_only,  // the same, but of which nothing else can be said
   slides,      // steady sliding
   oscillates,  // without rest
   stuck,       // permanently at rest
@@ -279,8 +279,7 @@ struct StickFate {
   Fate fate;
   // of `repeats`; else its clearance is |psi| where the last slip turned first, |v| where none did
   StickCycle cycle;
-  double time;      // looked at
-  std::string why;  // of `repeats_only`: after which time it repeats, and why no cycle can be made of it
+  double time;  // looked at
 };
 
 // Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats,
