@@ -86,6 +86,14 @@ class Curve:
         return value + 1j * np.imag(speed) * slope if np.iscomplexobj(speed) else value
 
 
+def straight(s, points):
+    """Between the points a straight line, its slope in the imaginary part."""
+    x, (at, value) = np.real(s), points.T
+    slope = np.append(np.diff(value) / np.diff(at), 0.)[np.clip(np.searchsorted(at, x, "right") - 1, 0, len(at) - 1)]
+    found = np.interp(x, at, value)
+    return found + 1j * np.imag(s) * np.where(x < at[0], 0, slope) if np.iscomplexobj(s) else found
+
+
 class Law:
     """F(psi, s) with the drag beside it, the rate g(psi, s) of the stored state s, its steady value, the threshold; amplitude
     included."""
@@ -102,6 +110,9 @@ class Law:
         self.one_way = str(self.f.back_slip).lower() == "false"
         self.sticks = self.name in ("carlson-langer", "coulomb", "table", "stribeck",
                                     "slip-weakening") and self.f.stick == "exact"
+        self.slips, self.renewed = self.name == "slip-weakening", self.state == "slip-since-stop"
+        if self.slips and self.f.weakening == "table":
+            self.points = np.array([pair.split(":") for pair in self.f.strength.split(",")], float)
         if self.name == "dahl":
             self.f.sigma1 = self.f.sigma2 = 0
         if self.name == "table":
@@ -115,7 +126,9 @@ class Law:
         f = self.f
         if self.state == "healing":
             return s
-        if self.state == "slip-memory":
+        if self.slips:
+            if f.weakening == "table":
+                return straight(s, self.points)
             slid = s / f.Dc
             left = np.exp(-slid) if f.weakening == "exponential" else np.where(np.real(slid) < 1, 1 - slid, 0)
             return f.fd + (f.fs - f.fd) * left
@@ -166,8 +179,9 @@ class Law:
         g, slid = self.g, (np.sign(np.real(psi)) if going is None else going) * psi / self.g.D
         if self.state == "healing":
             return (g.tau_inf - s) / g.t_h - slid * (s - 1)
-        if self.state == "slip-memory":
-            return slid * g.D - s / g.t_h
+        if self.slips:
+            moves = np.abs(np.sign(np.real(psi)) if going is None else going)
+            return slid * g.D - s / g.t_h * {"slip-memory": 1, "slip-since-stop": 0, "slip-healed-at-rest": 1 - moves}[self.state]
         if self.state == "bristles":
             return psi - slid * g.D * s / self.bristles(psi)
         if self.state == "prz":
@@ -461,14 +475,19 @@ class Stick:
         if self.Y.size:
             gradient = np.imag(self.gaps(self.u + 1j * STEP * np.eye(len(self.u)), self.t)[:, i]) / STEP
             by_time = np.imag(self.gaps(self.u, self.t + 1j * STEP)[i]) / STEP
+        renewed = system.law.renewed and not self.rests[i]
         if not self.rests[i]:
             self.u[i] = 0
+        if renewed:
+            self.u[2 * self.n + i] = 0
         system.going = system.going.astype(float)
         turns = self.rests[i] or self.below(self.u, self.t)[i] < 0
         system.going[i] = np.sign(system.pull(self.u)[i] + system.push(self.t)) if turns else 0
         if self.Y.size:
             jump = system.rates(self.t, self.u) - before
             self.Y = self.Y + np.outer(jump, gradient @ self.Y) / (gradient @ before + by_time)
+            if renewed:
+                self.Y[2 * self.n + i] = 0
         self.fresh, self.changes = i, self.changes + 1
 
     def advance(self, end, on_change=None, most=None, plate=np.inf):

@@ -46,7 +46,7 @@ TEST_CASE("A deviation passes a start or a stop as the difference of two motions
     (stop ? after : before)[0] = 0;
     const double at_stop[3] = {1, 0, 0}, at_start[3] = {0, side, -slope};
     const double* gradient = stop ? at_stop : at_start;
-    const JumpMatrix jump = stop ? JumpMatrix::at_stop(dof, before, after)
+    const JumpMatrix jump = stop ? JumpMatrix::at_stop(dof, before, after, false)
                                  : JumpMatrix::at_start(dof, side, slope, before, after);
     // nearly tangent: a difference of 1e-6 need not pass in time
     if (std::abs(jump.event_rate()) < 0.1) continue;

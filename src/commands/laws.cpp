@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "commands/command.hpp"
+#include "model/scene_reading.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scene.hpp"
@@ -48,7 +49,8 @@ Options options_for(Law law, Options options) {
 // A law made of points that nobody gave is none.
 bool has_its_curve(Law law, const Options& options) {
   for (const Parameter& p : law->parameters)
-    if (p.range == Parameter::Range::curve && !options.is_set("friction_" + std::string(p.name)))
+    if (p.range == Parameter::Range::curve && has_meaning(p, options) &&
+        !options.is_set("friction_" + std::string(p.name)))
       return false;
   return true;
 }

@@ -384,6 +384,7 @@ std::vector<double> after_rest(const StickMotion& m, double cycles) {
   if (m.dof() == 3) {
     const std::shared_ptr<const Friction> law = Friction::of(s.friction);
     u[2] = law->steady_state(s.v);
+    if (!std::isfinite(u[2])) u[2] = law->steady_state(0);
     const double load = m.threshold(0, u.data()) / (s.K0() * std::abs(s.v));
     u[2] = law->state_at_rest(u[2], cycles * (load + law->time_at_rest(u[2])));
   }

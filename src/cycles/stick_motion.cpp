@@ -231,9 +231,16 @@ void StickMotion::snap(StickState& p, const std::vector<PossibleChange>& candida
   std::vector<PossibleChange> reached, stopped;
   for (const PossibleChange& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[c.node * dof_];
-    if (c.turns && speed * h < 1e-9 * (psi_scale() + std::abs(psi))) stopped.push_back(c);
+    const auto renew = [&] {
+      if (!c.rests && law_[c.node].renewed_at_stops) p.u[c.node * dof_ + 2] = 0;
+    };
+    if (c.turns && speed * h < 1e-9 * (psi_scale() + std::abs(psi))) {
+      stopped.push_back(c);
+      renew();
+    }
     const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15 * psi_scale();
     if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, lost)) continue;
+    renew();
     const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
     if (back)
       p.excess = std::max(p.excess, -c.side * (p.u[c.node * dof_ + 1] + neighbour_force(c.node, p.u.data())) -
@@ -292,7 +299,7 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
                      from == 0 ? JumpMatrix::at_start(
                                      dof_, to, threshold_slope(i, p.u.data()), b, a,
                                      neighbour_force(i, before.data()) - to * threshold_rate(i, p.u.data()))
-                               : JumpMatrix::at_stop(dof_, b, a)});
+                               : JumpMatrix::at_stop(dof_, b, a, law_[i].renewed_at_stops)});
   }
   const auto begins_to_slip = [&](int node) { return was[node] == 0 && p.direction[node] != 0; };
   for (const Jump& jump : jumps) {

@@ -16,20 +16,29 @@
 
 namespace stickslip {
 
-// A law with a state law of its own goes with that; else a state law that is a factor goes with laws of one
-// velocity, any other with laws that take the state themselves.
-template <class L, class S>
-constexpr bool classes_belong_together() {
-  constexpr bool none = std::is_same_v<S, NoState>;
-  if (!std::is_void_v<typename L::State> || S::of_its_law) return std::is_same_v<typename L::State, S>;
-  if (L::takes_state) return !S::is_factor && !none;
-  return none || (S::is_factor && (jumps_at_rest<L>() || !S::needs_threshold));
-}
-
 template <class T>
 struct Type {
   using type = T;
 };
+template <class S, class Other>
+constexpr bool is_among(Type<Other>) {
+  return std::is_same_v<S, Other>;
+}
+template <class S, class... Others>
+constexpr bool is_among(Type<Types<Others...>>) {
+  return (std::is_same_v<S, Others> || ...);
+}
+
+// A law with state laws of its own goes with those; else a state law that is a factor goes with laws of one
+// velocity, any other with laws that take the state themselves.
+template <class L, class S>
+constexpr bool classes_belong_together() {
+  constexpr bool none = std::is_same_v<S, NoState>;
+  if (!std::is_void_v<typename L::State> || S::of_its_law) return is_among<S>(Type<typename L::State>());
+  if (L::takes_state) return !S::is_factor && !none;
+  return none || (S::is_factor && (jumps_at_rest<L>() || !S::needs_threshold));
+}
+
 // Calls body(Type<T>()) for every T of the list.
 template <class... Ts, class Body>
 void for_each_type(Types<Ts...>, const Body& body) {
@@ -90,8 +99,9 @@ auto with_friction(const FrictionParameters& p, const Body& body) {
     return body(OwnState<L, S>{law, state});
   } else {
     if constexpr (jumps_at_rest<L>()) {
-      if (p.regularised) return body(Product<L, SignRegularised, S>{law, state, {p.eps}});
-      if constexpr (L::takes_points)
+      if constexpr (!S::needs_stops)
+        if (p.regularised) return body(Product<L, SignRegularised, S>{law, state, {p.eps}});
+      if constexpr (L::may_not_jump)
         if (!p.jumps_at_rest()) return body(Product<L, SignContinuous, S>{law, state, {}});
     }
     return body(Product<L, SignExact, S>{law, state, {}});
@@ -121,14 +131,14 @@ std::vector<Parameter> parameters_of() {
 template <class TypeOfS>
 StateTraits traits_of_state() {
   using S = typename TypeOfS::type;
-  return {S::name, S::symbol, S::unit, S::meaning, S::logarithmic, parameters_of<S>()};
+  return {S::name, S::symbol, S::unit, S::meaning, S::logarithmic, parameters_of<S>(), S::needs_stops};
 }
 template <class TypeOfL>
 LawTraits traits_of_law() {
   using L = typename TypeOfL::type;
   LawTraits traits{L::name,     jumps_at_rest<L>(), L::continuous_derivatives,
                    L::only_for, parameters_of<L>(), {}};
-  if constexpr (L::takes_points) traits.continuous_at_rest = L::continuous_at_rest;
+  if constexpr (L::may_not_jump) traits.continuous_at_rest = L::continuous_at_rest;
   return traits;
 }
 // Whether the law takes this state law where none is named.
@@ -212,7 +222,8 @@ class Resolved final : public Friction {
   // `terms`: beside it, over the node's amplitude.
   Resolved(const F& f, const NodeTerms& terms, SlopeBounds slopes)
       : Friction(F::has_state, F::sticks, F::steep,
-                 decltype(f.law)::van_der_pol && !F::has_state && terms.none(), slopes),
+                 decltype(f.law)::van_der_pol && !F::has_state && terms.none(),
+                 decltype(f.state)::renewed_at_stops, slopes),
         f_(f), terms_(terms), holds_(what_holds(f)) {}
 
   double force(double psi, double s) const override { return partials(psi, s).F; }

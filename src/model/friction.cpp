@@ -11,7 +11,6 @@
 
 #include "base/failure.hpp"
 #include "model/dispatch.hpp"
-#include "model/laws/table.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
@@ -167,7 +166,7 @@ OptionSpec option_of(const std::string& name, const Parameter& p) {
     spec.type = OptionType::pairs;
     spec.default_help = "none";
     spec.low = -inf;
-    spec.fault = FrictionCurve::fault;
+    spec.fault = p.fault;
   }
   return spec;
 }

@@ -24,9 +24,9 @@
 //     double at_rest(double s, double t) const       what becomes of s after the time t at psi = 0
 //     double time_at_rest(double s) const            over which that changes
 //     double factor_at_long_rest() const
-// A law that has a state law of its own names it, `using State = ...`, a class that says `of_its_law` = true;
-// factor() and factor_at_long_rest(), or rate_partials() and steady_state(), may stand with the law where
-// they need its parameters (`has_factor`, `has_rate`).
+// A law that has state laws of its own names them, `using State = ...`, a class or Types<...> of some, which
+// say `of_its_law` = true; factor() and factor_at_long_rest(), or rate_partials() and steady_state(), may
+// stand with the law where they need its parameters (`has_factor`, `has_rate`).
 // Where its velocities, forces or states are not about 1 it says how large they are, scales().
 // What else a class may say stands in LawDefaults and StateDefaults, from which every class is derived, with
 // what holds where it does not.
@@ -43,6 +43,9 @@
 #include "stickslip/model/friction.hpp"
 
 namespace stickslip {
+
+template <class...>
+struct Types {};
 
 // How large the velocities, forces and states of a law are by itself (stickslip/model/scales.hpp).
 struct LawScales {
@@ -108,14 +111,14 @@ struct SignFrozen {
 // ---- what a class may say of itself
 
 struct Defaults {
-  static constexpr bool takes_points = false;  // take(Points), continuous_at_rest(Points): the law is made of
-                                               // points, with a force of 0 at rest without a jump
+  static constexpr bool takes_points = false;  // take(Points): the law is made of points
   void check() const {}                        // throws UsageError where values do not go together
 };
 struct LawDefaults : Defaults {
   struct NotSaid {};
   static constexpr NotSaid jumps_at_rest{};       // there is no default
-  using State = void;                             // the state law of its own: they go with each other alone
+  static constexpr bool may_not_jump = false;  // continuous_at_rest(Points): whether with these it does not
+  using State = void;                             // state laws of its own: they go with each other alone
   static constexpr bool takes_state = false;      // partials() in place of phi()
   static constexpr bool has_factor = false;       // in place of its state law
   static constexpr bool has_rate = false;         // likewise
@@ -136,6 +139,8 @@ struct StateDefaults : Defaults {
   static constexpr bool of_its_law = false;       // goes with a law that names it
   static constexpr bool needs_threshold = false;  // strengthens it: a law without one has no use for it
   static constexpr double enters_with = 0;        // what a law that takes the state adds to it first
+  static constexpr bool needs_stops = false;       // nodes stop and rest: with exact stick alone
+  static constexpr bool renewed_at_stops = false;  // a node that stops has the state 0 again
 };
 
 template <class L>

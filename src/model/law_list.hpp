@@ -7,12 +7,9 @@
 
 namespace stickslip {
 
-template <class...>
-struct Types {};
-
 using Laws = Types<Cubic, CarlsonLanger, Coulomb, RateAndState, NShaped, MeasuredCurve, Stribeck, Tanh,
                    SlipWeakening, Dieterich, LuGre, Dahl>;
-using StateLaws =
-    Types<NoState, Healing, ContactAge, Ageing, Slip, AgeingCutoff, PerrinRiceZheng, SlipMemory, Bristles>;
+using StateLaws = Types<NoState, Healing, ContactAge, Ageing, Slip, AgeingCutoff, PerrinRiceZheng, SlipMemory,
+                        SlipSinceStop, SlipHealedAtRest, Bristles>;
 
 }  // namespace stickslip

@@ -159,6 +159,10 @@ void read_law(const Options& o, FrictionParameters& f) {
     if (p.regularised)
       for (const std::string& name : with_profiles({"friction_" + std::string(p.name)}))
         of_regularised.push_back(name);
+  for (const Parameter& p : f.law->parameters)
+    if (!has_meaning(p, o))
+      refuse(o, with_profiles({"friction_" + std::string(p.name)}),
+             "it has no meaning with " + shown(o, p.only_with.option));
   if (!f.regularised)
     refuse(o, of_regularised, "it belongs to -friction_stick regularised, not to exact stick");
 
@@ -201,6 +205,9 @@ void read_state(const Options& o, Scene& s) {
   FrictionParameters& f = s.friction;
   f.state = StateLaw(o.text("state_law"));
   if (!belong_together(f.law, f.state)) refuse_state(o, f.law, f.state);
+  if (f.state->needs_stops && f.regularised)
+    throw usage_error("{}: it begins anew at stops, and regularised friction has none; it needs "
+                      "-friction_stick exact", shown(o, "state_law"));
 
   refuse(o, options_of_others(f.state),
          "a parameter of another state law, but state_law is " + f.state->name);
@@ -401,6 +408,12 @@ void warn_of_table_of_forces(const Scene& s) {
 }
 
 }  // namespace
+
+bool has_meaning(const Parameter& p, const Options& o) {
+  if (!*p.only_with.option) return true;
+  const std::vector<std::string> words = split(p.only_with.words, ' ');
+  return std::find(words.begin(), words.end(), o.text(p.only_with.option)) != words.end();
+}
 
 Scene Scene::from(const Options& options, bool) {
   Scene scene;

@@ -104,13 +104,14 @@ bool LoadBounds::out_of_reach(const RestingNode& n, double limit) const {
 
 Release release(const RestingNode& node, const LoadsFrom& loads, double latest) {
   const double gain = node.side * node.rate;
-  if (!loads.vary() && !node.law.has_state) {
-    const double lacks = node.amplitude * node.law.threshold(0).value - node.side * node.force;
+  const bool stands = !node.law.has_state || node.law.time_at_rest(node.state) == infinity;
+  if (!loads.vary() && stands) {
+    const double lacks = node.amplitude * node.law.threshold(node.state).value - node.side * node.force;
     return gain > 0 ? Release{std::max(0., lacks / gain)} : Release();
   }
   const Excess excess(node, loads);
   // The threshold of a state that is forgotten, or that grows like a logarithm, changes ever more slowly.
-  const double scale = node.law.has_state ? node.law.time_at_rest(node.state) / 4 : infinity;
+  const double scale = stands ? infinity : node.law.time_at_rest(node.state) / 4;
   const double hopeless = loads.vary() || gain > 0 ? infinity : 4e6 * scale;
   for (ValueAndSlope begin = excess(0); begin.x < std::min(latest, hopeless);) {
     if (!loads.vary() && excess.never(begin)) break;
@@ -219,11 +220,16 @@ Furthest StickEvents::furthest(const StepOfNodes& step, const Candidates& candid
 }
 
 std::vector<NodeLimit> StickEvents::snap(const StepOfNodes& step, const Candidates& candidates,
-                                                  const StridedNodes& there, double* psi, double part) const {
+                                         const StridedNodes& there, double* psi, double* state,
+                                         double part) const {
   const NormalLoad normal0 = model_.normal_load(step.t),
                    normal = model_.normal_load(step.t + part * step.dt);
   const auto limit_of = [&](PetscInt k) {
     return threshold(model_node(step, k), there.state_of(k), normal);
+  };
+  const auto stop = [&](PetscInt k) {
+    psi[k * there.stride] = 0;
+    if (has_state_ && model_.friction_law(model_node(step, k)).renewed_at_stops) state[k * there.stride] = 0;
   };
   std::vector<NodeLimit> limits;
   for (const Candidate& c : candidates.list) {
@@ -233,14 +239,14 @@ std::vector<NodeLimit> StickEvents::snap(const StepOfNodes& step, const Candidat
     if (c.rests)
       limits.push_back({k, c.side});
     else
-      psi[k * there.stride] = 0;
+      stop(k);
   }
   for (PetscInt k = 0; k < step.count; ++k) {
     const PetscInt i = model_node(step, k);
     if (!takes_part(i)) continue;
     double& here = psi[k * there.stride];
     if (step.direction[k] != 0) {
-      if (stops(step.direction[k], step.begin.psi_of(k), here)) here = 0;
+      if (stops(step.direction[k], step.begin.psi_of(k), here)) stop(k);
       continue;
     }
     here = 0;

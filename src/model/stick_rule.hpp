@@ -315,9 +315,10 @@ class StickEvents {
                                 const stick_rule::StridedNodes& there, double part) const;
   // At a part of the step those whose change has come, to round-off, get psi = 0, or are named: their forces
   // are to become their thresholds (put_at()). First every psi, which others may feel.
+  // Who stops has the state 0 where that is renewed at stops. psi, state: those of `there`.
   std::vector<stick_rule::NodeLimit> snap(const stick_rule::StepOfNodes& step,
                                           const stick_rule::Candidates& candidates,
-                                          const stick_rule::StridedNodes& there, double* psi,
+                                          const stick_rule::StridedNodes& there, double* psi, double* state,
                                           double part) const;
   // The eta with which the force on a node, eta + besides, is its threshold, from which start() lets it go;
   // not less by round-off.
@@ -345,7 +346,7 @@ class StickEvents {
 // The rates of the other nodes depend on this one's psi alone, which is continuous, so that they do not
 // change: only the node's own psi, eta and state do. A deviation of several nodes that start or stop at once
 // (alike, so that each would go first in turn) passes the matrix of each of them, in any order. After a stop
-// y.psi is 0; at a start it is to be 0.
+// y.psi is 0, and y.state too where a stop renews the state; at a start y.psi is to be 0.
 //
 // With viscosity between neighbours the force on a node at rest is eta + N D2 psi (stick.hpp): at a start g
 // has the share N D2 psi of its neighbours, which move, and whose rates depend on this node's psi, continuous
@@ -358,8 +359,10 @@ class StickEvents {
 class JumpMatrix {
  public:
   // `dof` (2 or 3) rates of the node: psi, eta and the stored state, right before and right after.
-  static JumpMatrix at_stop(int dof, const double* before, const double* after) {
-    return JumpMatrix(dof, {1, 0, 0}, before, after);
+  static JumpMatrix at_stop(int dof, const double* before, const double* after, bool renewed) {
+    JumpMatrix jump(dof, {1, 0, 0}, before, after);
+    jump.renewed_ = renewed;
+    return jump;
   }
   // `side`: of the threshold, 1 or -1; `threshold_slope`: of the threshold in the stored state (0 without a
   // state); `neighbour_force`: N D2 of the nodes' psi_t before, less, under a normal load N(t), `side` times
@@ -380,12 +383,14 @@ class JumpMatrix {
     T event = gradient_.at[1] * neighbour_force;
     for (int k = 0; k < dof_; ++k) event += gradient_.at[k] * y[k];
     for (int k = 0; k < dof_; ++k) y[k] += jump_.at[k] / event_rate_ * event;
+    if (renewed_) y[2] = 0;
   }
   // dof rows of dof entries, one behind the other.
   void write(double* rows) const {
     for (int i = 0; i < dof_; ++i)
       for (int k = 0; k < dof_; ++k)
         rows[i * dof_ + k] = (i == k ? 1. : 0.) + jump_.at[i] / event_rate_ * gradient_.at[k];
+    if (renewed_) std::fill_n(rows + 2 * dof_, dof_, 0.);
   }
 
  private:
@@ -403,6 +408,7 @@ class JumpMatrix {
   int dof_;
   Three gradient_, jump_{{0, 0, 0}};
   double event_rate_ = 0;
+  bool renewed_ = false;
 };
 
 }  // namespace stickslip

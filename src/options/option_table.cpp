@@ -245,7 +245,8 @@ void contact_options(OptionTableBuilder& t) {
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states,
            "kinetic equation of the contact; ageing, slip, ageing-cutoff and prz belong to rate-and-state, "
-           "n-shaped and dieterich; slip-memory to slip-weakening, bristles to lugre and dahl")
+           "n-shaped and dieterich; slip-memory, slip-since-stop and slip-healed-at-rest to slip-weakening, "
+           "bristles to lugre and dahl")
       .unset(
           "none; ageing with rate-and-state and dieterich, ageing-cutoff with n-shaped, slip-memory with "
           "slip-weakening, bristles with lugre and dahl",

@@ -68,8 +68,9 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(s.n, s.v) {
     const double x = friction->steady_state(psi[i]);
     const auto place = [&] { return "(x = " + rounded_text(s.x(i), 6) + ")"; };
     if (friction->has_state && !std::isfinite(x))
-      throw Failure("no steady sliding: the contact state grows without end at psi = 0 " + place() +
-                    "; the plate must move (model_v)");
+      throw Failure("no steady sliding: the contact state grows without end " +
+                    (psi[i] == 0 ? "at psi = 0 " + place() + "; the plate must move (model_v)"
+                                 : "in motion " + place()));
     if (psi[i] == 0 && friction->sticks && solved_for)
       throw Failure("no steady sliding: at psi = 0 " + place() +
                     " the law sticks; take model_v other than 0, or friction_stick regularised");

@@ -145,15 +145,17 @@ bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const doubl
   const auto neighbour_force_of = [&](std::size_t k) {
     return neighbour_forces_.empty() || from != 0 ? 0 : neighbour_forces_[k][i];
   };
-  const bool starts = from == 0;
+  // A state that is renewed stands in the rates on both sides of the stop: their difference is 0 in what
+  // matters, eta, all the same, and no deviation of it is left.
+  const bool starts = from == 0, renewed = !starts && model_.friction_law(i).renewed_at_stops;
   const NormalLoad normal = model_.normal_load(model_.time());
   const auto threshold = model_.friction_law(i).threshold(dof_ == 3 ? u[2] : 0);
   const double a = model_.amplitude()[i], slope = starts && dof_ == 3 ? normal.N * a * threshold.slope : 0;
   const JumpMatrix jump =
       starts ? JumpMatrix::at_start(dof_, to, slope, f, g,
                                     neighbour_force_of(y_.size()) - to * normal.rate * a * threshold.value)
-             : JumpMatrix::at_stop(dof_, f, g);
-  if (std::equal(f, f + dof_, g)) return true;
+             : JumpMatrix::at_stop(dof_, f, g, renewed);
+  if (std::equal(f, f + dof_, g) && !renewed) return true;
   if (jump.event_rate() == 0) return false;
   for (std::size_t k = 0; k < y_.size(); ++k) {
     const Writing y(y_[k]);

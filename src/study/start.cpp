@@ -475,7 +475,9 @@ void Start::fill(const Model& model, Vec u) const {
   const bool has_state = impl_->fill(model, Writing(u), jump, slope);
   if (on_any_rank(model.comm(), !has_state))
     throw UsageError(
-        "init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+        model.scene().friction.state->needs_stops
+            ? "init_state steady: in motion slip grows without end; give init_state a number"
+            : "init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
   const Scene& s = model.scene();
   if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);

@@ -382,7 +382,8 @@ NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit
     return none("friction jumps at psi = 0: it has no slope there");
   if (slides_uniformly(s)) {
     if (!std::isfinite(audit.truly.resolved))
-      return none("there is no steady sliding: the state has no steady value at v = 0");
+      return none("there is no steady sliding: the state has no steady value" +
+                  std::string(s.v == 0 ? " at v = 0" : " in motion"));
     if (audit.truly.resolved > 0 || !(audit.truly.of_all > 0))
       return {audit.truly.resolved, audit.taken.resolved, ""};
     return {audit.truly.resolved, audit.taken.of_all, "", audit.truly.of_all};

@@ -294,7 +294,8 @@ Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
   part = place.part;
   if (!(part > 1 - close)) interpolate(c, part, c.block(Cluster::next));
   const std::vector<NodeLimit> limits = events_.snap(step, candidates_, nodes(c, Cluster::next, 1),
-                                                     c.column(Cluster::next, 0), part);
+                                                     c.column(Cluster::next, 0),
+                                                     dof_ == 3 ? c.column(Cluster::next, 2) : nullptr, part);
   if (!limits.empty() && N_ > 0) viscous_force(c, c.block(Cluster::next), forces_[0]);
   for (const auto& [k, side] : limits) {
     const double limit = events_.threshold(node(c, k), dof_ == 3 ? c.column(Cluster::next, 2)[k] : 0);

@@ -189,7 +189,7 @@ void Stick::snap(Vec before, Vec landed, StepOfNodes step, double part) {
     const Writing b(landed);
     step.begin = begin;
     const StridedNodes there{b, (total ? +total_landed : +b) + 1, dof_ == 3 ? b + 2 : nullptr, dof_};
-    limits = events_->snap(step, *candidates_, there, b, part);
+    limits = events_->snap(step, *candidates_, there, b, dof_ == 3 ? b + 2 : nullptr, part);
   }
   put_at_threshold(landed, limits, model_.normal_load(step.t + part * step.dt));
 }

@@ -72,6 +72,7 @@ struct SlopeBounds {
 };
 
 // One parameter of a law or state law, as its class declares it.
+using Points = std::vector<std::pair<double, double>>;
 struct Parameter {
   // word: the member holds its number, 0 for the first; curve: points, which the class takes whole
   enum class Range { positive, not_negative, word, curve };
@@ -86,8 +87,13 @@ struct Parameter {
   const char* same_as = "";
   bool regularised = false;  // has no meaning with exact stick
   const char* words = "";    // of Range::word, separated by blanks
+  // of Range::curve: what is wrong with points, and at which of them; "" where nothing is
+  std::string (*fault)(const Points& points, std::size_t& at) = nullptr;
+  // has a meaning with one of these words of that option alone; of none: always
+  struct OnlyWith {
+    const char *option, *words;
+  } only_with = {"", ""};
 };
-using Points = std::vector<std::pair<double, double>>;
 
 // What a state law's class says of itself.
 struct StateTraits {
@@ -95,6 +101,7 @@ struct StateTraits {
   std::string symbol, unit, meaning;  // of what files show: tau, theta, with what it is; "" for none
   bool logarithmic = false;           // the stored state is ln(theta)
   std::vector<Parameter> parameters;  // options state_<name>
+  bool needs_stops = false;           // nodes stop and rest: with exact stick alone
 };
 
 // A state law by its name; cheap to copy. Throws std::logic_error where the list holds no such name.
@@ -198,6 +205,7 @@ class Friction {
   const bool has_state, sticks;
   const bool steep;        // at rest: too steep for explicit methods and for Newton's own steps (newton_psi)
   const bool van_der_pol;  // the cubic without a state, whose closed formulas hold
+  const bool renewed_at_stops;  // a node that stops has the state 0 again
   const SlopeBounds slope_bounds;
 
   virtual double force(double psi, double s) const = 0;
@@ -226,8 +234,9 @@ class Friction {
   virtual double time_at_rest(double s) const = 0;
 
  protected:
-  Friction(bool state, bool stick, bool is_steep, bool cubic, SlopeBounds slopes)
-      : has_state(state), sticks(stick), steep(is_steep), van_der_pol(cubic), slope_bounds(slopes) {}
+  Friction(bool state, bool stick, bool is_steep, bool cubic, bool renewed, SlopeBounds slopes)
+      : has_state(state), sticks(stick), steep(is_steep), van_der_pol(cubic), renewed_at_stops(renewed),
+        slope_bounds(slopes) {}
 };
 
 // What the stored state means outside: tau itself, or theta = exp(s).

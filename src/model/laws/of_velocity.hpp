@@ -1,6 +1,10 @@
 // Laws of one velocity, which may have a state law beside them; and laws with a state law of their own.
 #pragma once
 
+#include <memory>
+#include <string>
+#include <vector>
+
 #include "model/law.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/options.hpp"
@@ -189,8 +193,13 @@ struct Tanh : LawDefaults {
 
 // Slip weakening: F = [fd + (fs - fd) exp(-s/Dc)] sgn(psi), where s is the slip since the contact was at
 // rest, or linear, F = [fd + (fs - fd) max(0, 1 - s/Dc)] sgn(psi), which has a kink at s = Dc (Y. Ida, J.
-// Geophys. Res. 77 (1972) 3796; D. J. Andrews, ibid. 81 (1976) 5679). Slip is forgotten over the time t_h:
-// s_t = |psi| - s/t_h.
+// Geophys. Res. 77 (1972) 3796; D. J. Andrews, ibid. 81 (1976) 5679), or straight between the points of a
+// table. What becomes of s: it is forgotten over the time t_h, s_t = |psi| - s/t_h; or it counts from the
+// last stop, s_t = |psi| and 0 at every stop; or it is forgotten at rest alone, s_t = |psi| in motion and
+// -s/t_h at rest. The last two have no steady value in motion but without bound.
+inline constexpr Parameter forgetting_time{"t_h", "1", Parameter::Range::positive, "time",
+                                           "slip-weakening: time in which slip is forgotten"};
+
 struct SlipMemory : StateDefaults {
   static constexpr const char *name = "slip-memory", *symbol = "slip", *unit = "length";
   static constexpr const char* meaning = "contact state: slip since rest";
@@ -198,9 +207,7 @@ struct SlipMemory : StateDefaults {
   static constexpr bool of_its_law = true;
   double t_h = 1;
   static std::vector<Declared<SlipMemory>> parameters() {
-    return {{&SlipMemory::t_h,
-             {"t_h", "1", Parameter::Range::positive, "time",
-              "slip-weakening: time in which slip is forgotten"}}};
+    return {{&SlipMemory::t_h, forgetting_time}};
   }
 
   template <class Real>
@@ -212,29 +219,123 @@ struct SlipMemory : StateDefaults {
   double time_at_rest(double) const { return t_h; }
 };
 
+// Without bound where it goes on growing.
+inline double slip_without_end(double psi) {
+  return psi == 0 ? 0 : std::numeric_limits<double>::infinity();
+}
+
+struct SlipSinceStop : StateDefaults {
+  static constexpr const char *name = "slip-since-stop", *symbol = "slip", *unit = "length";
+  static constexpr const char* meaning = "contact state: slip since the last stop";
+  static constexpr bool logarithmic = false;
+  static constexpr bool of_its_law = true, needs_stops = true, renewed_at_stops = true;
+  static std::vector<Declared<SlipSinceStop>> parameters() { return {}; }
+
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real, double direction) const {
+    return {direction * psi, direction, 0.};
+  }
+  double steady_state(double psi) const { return slip_without_end(psi); }
+  double at_rest(double s, double) const { return s; }
+  double time_at_rest(double) const { return std::numeric_limits<double>::infinity(); }
+};
+
+struct SlipHealedAtRest : StateDefaults {
+  static constexpr const char *name = "slip-healed-at-rest", *symbol = "slip", *unit = "length";
+  static constexpr const char* meaning = "contact state: slip that rest has not healed";
+  static constexpr bool logarithmic = false;
+  static constexpr bool of_its_law = true, needs_stops = true;
+  double t_h = 1;
+  static std::vector<Declared<SlipHealedAtRest>> parameters() {
+    return {{&SlipHealedAtRest::t_h, forgetting_time}};
+  }
+
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    const double heals = (1 - direction * direction) / t_h;
+    return {direction * psi - s * heals, direction, -heals};
+  }
+  double steady_state(double psi) const { return slip_without_end(psi); }
+  double at_rest(double s, double t) const { return s * std::exp(-t / t_h); }
+  double time_at_rest(double) const { return t_h; }
+};
+
+// Strength against slip, straight between the points; the first and the last value hold beyond them.
+class StrengthTable {
+ public:
+  // What is wrong with `points`, and at which of them; "" where nothing is.
+  static std::string fault(const Points& points, std::size_t& at);
+  explicit StrengthTable(const Points& points);
+
+  template <class Real>
+  WithSlopeOf<Real> operator()(Real s) const {
+    using elementary::where_less;
+    Real value = first_, slope = 0;
+    for (const Piece& p : pieces_) {
+      const Real within = s - p.from, begun = where_less(within, 0, Real(0.), within);
+      value = value + p.slope * where_less(begun, p.length, begun, Real(p.length));
+      slope = slope + where_less(within, 0, Real(0.), where_less(within, p.length, Real(p.slope), Real(0.)));
+    }
+    return {value, slope};
+  }
+  double at_rest() const { return first_; }
+  double largest() const { return largest_; }
+  double last_slip() const { return pieces_.back().from + pieces_.back().length; }
+
+ private:
+  struct Piece {
+    double from, length, slope;
+  };
+  std::vector<Piece> pieces_;
+  double first_, largest_;
+};
+
 struct SlipWeakening : LawDefaults {
   static constexpr const char* name = "slip-weakening";
-  static constexpr bool jumps_at_rest = true, has_factor = true;
-  using State = SlipMemory;
-  double fs = 1, fd = 0.5, Dc = 1, linear = 0;
+  static constexpr bool jumps_at_rest = true, has_factor = true, takes_points = true;
+  using State = Types<SlipMemory, SlipSinceStop, SlipHealedAtRest>;
+  double fs = 1, fd = 0.5, Dc = 1, weakening = 0;
+  std::shared_ptr<const StrengthTable> table;
   static std::vector<Declared<SlipWeakening>> parameters() {
     using R = Parameter::Range;
     using L = SlipWeakening;
-    return {{&L::fs, {"fs", "1", R::positive, "", ""}},
-            {&L::fd, {"fd", "0.5", R::not_negative, "", ""}},
-            {&L::Dc, {"Dc", "1", R::positive, "length", "slip-weakening: slip over which fs falls to fd"}},
-            {&L::linear,
+    const auto of_formula = [](Parameter p) {
+      p.only_with = {"friction_weakening", "exponential linear"};
+      return p;
+    };
+    Parameter strength{"strength", "", R::curve, "length",
+                       "slip-weakening, friction_weakening table: strength against slip, "
+                       "slip1:strength1,slip2:strength2,... or a file of two columns, straight between them"};
+    strength.fault = StrengthTable::fault;
+    strength.only_with = {"friction_weakening", "table"};
+    return {{&L::fs, of_formula({"fs", "1", R::positive, "", ""})},
+            {&L::fd, of_formula({"fd", "0.5", R::not_negative, "", ""})},
+            {&L::Dc, of_formula({"Dc", "1", R::positive, "length",
+                                 "slip-weakening: slip over which fs falls to fd"})},
+            {&L::weakening,
              {"weakening", "exponential", R::word, "", "slip-weakening: how friction falls with slip", "", "",
-              false, "exponential linear"}}};
+              false, "exponential linear table"}},
+            {nullptr, strength}};
+  }
+  void take(const Points& points) {
+    if (weakening != in_table) return;
+    if (points.empty())
+      throw UsageError(
+          "friction_weakening table: -friction_strength is missing, slip1:strength1,slip2:strength2,... or "
+          "a file of two columns");
+    table = std::make_shared<const StrengthTable>(points);
   }
   void check() const {
-    if (fd > fs)
+    if (weakening != in_table && fd > fs)
       throw UsageError("-friction_fd " + number_text(fd) +
                        ": dynamic friction must not exceed the static threshold friction_fs " +
                        number_text(fs));
   }
 
-  LawScales scales() const { return {0, fs, Dc, Dc}; }
+  LawScales scales() const {
+    if (table) return {0, table->largest(), table->last_slip(), table->last_slip()};
+    return {0, fs, Dc, Dc};
+  }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     return sign.sign_slope(psi);
@@ -242,6 +343,8 @@ struct SlipWeakening : LawDefaults {
   template <class Real>
   WithSlopeOf<Real> factor(Real s) const {
     using elementary::exp, elementary::where_less;
+    if (table) return (*table)(s);
+    const double linear = weakening;
     const Real u = s / Dc, e = exp(-u);
     const Real straight = where_less(u, 1, Real(1 - u), Real(0.)),
                falls = where_less(u, 1, Real(1.), Real(0.));
@@ -249,7 +352,10 @@ struct SlipWeakening : LawDefaults {
     return {fd + drop * (linear * straight + (1 - linear) * e),
             -drop / Dc * (linear * falls + (1 - linear) * e)};
   }
-  double factor_at_long_rest() const { return fs; }
+  double factor_at_long_rest() const { return table ? table->at_rest() : fs; }
+
+ private:
+  static constexpr double in_table = 2;
 };
 
 // Friction by bristles that bend: LuGre's law, z_t = psi - |psi| z/g(psi) with g = [fc + (fs - fc)

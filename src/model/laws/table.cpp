@@ -7,13 +7,12 @@
 #include <limits>
 
 #include "base/failure.hpp"
+#include "model/laws/of_velocity.hpp"
 #include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
 namespace {
-
-using Points = FrictionCurve::Points;
 
 constexpr std::size_t most_points = 10000;
 constexpr std::int64_t most_buckets = std::int64_t(1) << 22;
@@ -210,6 +209,31 @@ std::vector<FrictionCurve::CubicPiece> FrictionCurve::pieces_of(const Points& po
   const auto [last, force] = points.back();
   pieces.push_back({last, force, straight_beyond ? slopes.back() : 0, 0, 0});
   return pieces;
+}
+
+std::string StrengthTable::fault(const Points& points, std::size_t& at) {
+  for (at = 0; at < points.size(); ++at) {
+    const auto [slip, strength] = points[at];
+    if (slip < 0) return fmt::format("slip {}: it counts from 0 on", number_text(slip));
+    if (at > 0 && !(slip > points[at - 1].first))
+      return fmt::format("slip {} after {}: slips must ascend, each once", number_text(slip),
+                         number_text(points[at - 1].first));
+    if (strength < 0 || (at == 0 && strength == 0))
+      return fmt::format("strength {} at slip {}: it is never negative, and above 0 at first",
+                         number_text(strength), number_text(slip));
+  }
+  at = points.empty() ? 0 : points.size() - 1;
+  return points.size() < 2 ? "one point; a table needs two or more" : "";
+}
+
+StrengthTable::StrengthTable(const Points& points)
+    : first_(points.front().second), largest_(points.front().second) {
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    const auto [slip, strength] = points[i];
+    const double length = points[i + 1].first - slip;
+    pieces_.push_back({slip, length, (points[i + 1].second - strength) / length});
+    largest_ = std::max(largest_, points[i + 1].second);
+  }
 }
 
 }  // namespace stickslip

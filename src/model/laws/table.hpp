@@ -32,7 +32,6 @@ namespace stickslip {
 
 class FrictionCurve {
  public:
-  using Points = std::vector<std::pair<double, double>>;
   // value + y (slope + y (bend + y twist)), y = speed - at; the first of each two for y < 0.
   struct Bucket {
     double at, value, slope[2], bend[2], twist[2];
@@ -81,7 +80,7 @@ class FrictionCurve {
 // A measured curve: phi from points of velocity and force, FrictionCurve above.
 struct MeasuredCurve : LawDefaults {
   static constexpr const char* name = "table";
-  static constexpr bool jumps_at_rest = true, takes_points = true, looks_up = true;
+  static constexpr bool jumps_at_rest = true, may_not_jump = true, takes_points = true, looks_up = true;
   static constexpr int continuous_derivatives = 1;
   double beyond = 0;
   std::shared_ptr<const FrictionCurve> curve;
@@ -90,13 +89,14 @@ struct MeasuredCurve : LawDefaults {
     return {{nullptr,
              {"table", "", R::curve, "velocity",
               "table: measured friction, velocity1:force1,velocity2:force2,... or a file of two columns; odd "
-              "unless velocities < 0 are given; the force at rest is the threshold"}},
+              "unless velocities < 0 are given; the force at rest is the threshold",
+              "", "", false, "", FrictionCurve::fault}},
             {&MeasuredCurve::beyond,
              {"table_beyond", "constant", R::word, "",
               "table: beyond the last velocity the force stays, or goes on with the last slope", "", "",
               false, "constant slope"}}};
   }
-  void take(const FrictionCurve::Points& points) {
+  void take(const Points& points) {
     if (points.empty())
       throw UsageError(
           "friction_law table: -friction_table is missing, velocity1:force1,velocity2:force2,... or a file "
@@ -104,7 +104,7 @@ struct MeasuredCurve : LawDefaults {
           "two columns");
     curve = std::make_shared<const FrictionCurve>(points, beyond == 1);
   }
-  static bool continuous_at_rest(const FrictionCurve::Points& points) {
+  static bool continuous_at_rest(const Points& points) {
     for (const auto& [velocity, force] : points)
       if (velocity >= 0) return velocity == 0 && force == 0;
     return false;
