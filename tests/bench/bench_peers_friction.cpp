@@ -4,11 +4,11 @@
 //
 //     bench_peers_friction SCENE METHOD TOLERANCE EPS END
 //
-// SCENE: numbers in binary, as read below. METHOD: loop (Dormand and Prince's pair over all blocks; a start or
-// a stop ends a step, found by steps of other lengths; with all blocks at rest to the next start in one go, as
-// papers on catalogues describe it), erk, adams (with roots; a change of any block starts anew), bdf (banded;
-// EPS > 0: friction smoothed over it). END: the unknowns at the end, in binary. Prints processor seconds,
-// steps and starts of a block whose neighbours rest.
+// SCENE: numbers in binary, as read below. METHOD: loop (Dormand and Prince's pair over all blocks; a start
+// or a stop ends a step, found by steps of other lengths; with all blocks at rest to the next start in one
+// go, as papers on catalogues describe it), erk, adams (with roots; a change of any block starts anew), bdf
+// (banded; EPS > 0: friction smoothed over it). END: the unknowns at the end, in binary. Prints processor
+// seconds, steps and starts of a block whose neighbours rest.
 #include <arkode/arkode_erkstep.h>
 #include <cvode/cvode.h>
 #include <nvector/nvector_serial.h>
@@ -67,7 +67,8 @@ struct Scene {
     for (std::size_t i = 0; i < n; ++i) {
       const double sign = eps > 0 ? std::tanh(psi[i] / eps) : going[i];
       const bool moves = eps > 0 || going[i];
-      f[2 * i] = moves ? (f0 * (u[2 * i + 1] - strength[i] * sign * weakened(psi[i])) - zeta * psi[i]) / m : 0;
+      const double force = f0 * (u[2 * i + 1] - strength[i] * sign * weakened(psi[i])) - zeta * psi[i];
+      f[2 * i] = moves ? force / m : 0;
       f[2 * i + 1] = (k0 * (v - psi[i]) + k1 * coupling(psi.data(), i)) / f0;
     }
   }
@@ -324,7 +325,7 @@ int main(int count, char** words) {
   scene.begin();
   const Count done = method == "loop" ? loop(scene, tolerance) : by_sundials(scene, method, tolerance);
   std::printf("%.9g %ld %ld\n", double(std::clock() - begin) / CLOCKS_PER_SEC, done.steps, done.events);
-  std::ofstream(words[5], std::ios::binary)
-      .write(reinterpret_cast<const char*>(scene.start.data()), std::streamsize(scene.start.size() * sizeof(double)));
+  const auto bytes = std::streamsize(scene.start.size() * sizeof(double));
+  std::ofstream(words[5], std::ios::binary).write(reinterpret_cast<const char*>(scene.start.data()), bytes);
   return 0;
 }

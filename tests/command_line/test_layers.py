@@ -65,7 +65,7 @@ THREADS = re.compile(r"^\s*#\s*include\s*<(thread|future|mutex|shared_mutex|cond
 def test_one_thread():
     """No thread is started and none is asked for: what a tool for threads would look for cannot be there."""
     paths = sources()
-    assert len(paths) > 300
+    assert len(paths) > 200  # found at all
     for path in [*paths, os.path.join(SOURCE, "CMakeLists.txt")]:
         with open(path, encoding="utf-8") as file:
             found = THREADS.search(file.read())
