@@ -92,8 +92,8 @@ def oscillation(scene, found):
     if not summary:
         return None
     stable = summary["stable"] if summary["stable"] is not None else summary["stable_alike"]
-    found["oscillation"] = {**numbers(summary, "period", "amplitude", "psi_min", "psi_max", "rest_fraction", "force_drop",
-                                      "error_estimate"), "frequency": 1 / summary["period"], "stable": stable,
+    found["oscillation"] = {**numbers(summary, "period", "amplitude", "psi_min", "psi_max", "rest_fraction", "force_drop", "displacement",
+                                      "acceleration", "error_estimate"), "frequency": 1 / summary["period"], "stable": stable,
                             "alike": scene.options["cycle_cell"] == "1" != scene.options["grid_n"]}
     branch = []
     for part, to in (("amplitude upwards", RANGE * v), ("amplitude downwards", v / RANGE)):
@@ -108,7 +108,8 @@ def oscillation(scene, found):
 def ends(scene, found):
     v = scene.value("model_v")
     low, high = sorted((v / RANGE, v * RANGE))
-    summary, of = both(scene, "end", boundary_parameter="model_v", boundary_from=low, boundary_to=high)
+    summary, of = both(scene, "end", boundary_parameter="model_v", boundary_from=low, boundary_to=high,
+                       boundary_parameter2="none", boundary_from2="none", boundary_to2="none")
     if summary:
         found["ends"] = {"parameter": "model_v", "from": scene.value("boundary_from"), "to": scene.value("boundary_to"), "of": of,
                          "points": [numbers(point, "value", "of", "kind", "frequency") for point in summary["points"]]}
@@ -170,6 +171,8 @@ def events(scene, file, found):
 def measured(value, name, digits=4):
     """A number with its unit, where the scene has units: of a dataset or an option by name, else of what changes in time."""
     time, of = style.UNITS.get("t"), style.UNITS.get(name, "")
+    if time and name in ("displacement", "acceleration"):
+        of = style.UNITS.get("friction_D", "") + (f"/{time}^2" if name == "acceleration" else "")
     if time and name in ("rate", "angular", "frequency"):
         of = "Hz" if (name, time) == ("frequency", "s") else ("rad/" if name == "angular" else "1/") + time
     return f"{value:.{digits}g} {of}".rstrip()
@@ -213,9 +216,11 @@ def sentences(found):
         one = found["oscillation"]
         kind = {True: "stable", False: "unstable", None: "of unknown stability"}[one["stable"]]
         rest = f", at rest {one['rest_fraction']:.3%} of the time" if one["rest_fraction"] else ""
+        reach = f"; displacement {measured(one['displacement'], 'displacement')} to either side, acceleration up to " \
+                f"{measured(one['acceleration'], 'acceleration')}" if style.UNITS.get("psi") else ""
         alike = " of all nodes alike" if one["alike"] else ""
         yield f"The oscillation{alike} is {kind}: period {measured(one['period'], 't', 6)}, frequency " \
-              f"{measured(one['frequency'], 'frequency')}, psi from {one['psi_min']:.4g} to {measured(one['psi_max'], 'psi')}{rest}."
+              f"{measured(one['frequency'], 'frequency')}, psi from {one['psi_min']:.4g} to {measured(one['psi_max'], 'psi')}{rest}{reach}."
     if "ends" in found:
         one, changes = found["ends"], []
         for of in one["of"]:

@@ -43,6 +43,20 @@ CommandRun::CommandRun(const std::string& command, const Options& asked, const s
       lock_(check_outputs(options.text("out_file"), options.text("summary"))),
       summary(provenance, keys, options.text("summary")) {}
 
+void say_beyond_table(const Options& options, double low, double high, Summary& summary) {
+  if (options.text("friction_law") != "table") return;
+  const std::vector<std::pair<double, double>> points = options.pairs("friction_table");
+  if (points.empty()) return;
+  const double last = points.back().first;
+  const double first = points.front().first < 0 ? points.front().first : -last;  // else odd
+  if (first <= low && high <= last) return;
+  const double reached = high > last ? high : low;
+  summary.say(fmt::format("psi comes to {}, beyond the end of friction_table at {}: there friction {}",
+                          in_unit(reached, 4, "velocity"), in_unit(high > last ? last : first, 4, "velocity"),
+                          options.text("friction_table_beyond") == "slope" ? "goes on with the last slope"
+                                                                           : "is taken as constant"));
+}
+
 void CommandRun::end_at_signal(ResultFile& file) const {
   keeping_what_is_found([] { beat("branches"); },
                         [&] {

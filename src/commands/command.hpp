@@ -34,6 +34,9 @@ inline bool may_rest() { return PETSC_COMM_WORLD == MPI_COMM_WORLD; }
 // On no more ranks than the scene has nodes, where they may rest.
 int on_ranks_of(const Options& options, const std::function<int()>& body);
 
+// Says where psi, which goes from `low` to `high`, leaves a measured curve of friction.
+void say_beyond_table(const Options& options, double low, double high, Summary& summary);
+
 // Thrown where what is to be done is done by one rank, which finds out in setting up. Collective; before
 // anything is written.
 class OneRankWorks : public Error {

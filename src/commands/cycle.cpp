@@ -30,11 +30,53 @@ struct CycleResults {
   std::string parameter;  // of the branch
 };
 
+// How far a node goes to either side of its mean motion, and its largest acceleration; over all nodes.
+struct Reach {
+  double displacement = 0, acceleration = 0;
+};
+
+// Between two times psi is nearly straight, and its slopes are those of parabolas through three times, of
+// which none lies beyond a corner: where a rest begins or ends they are one-sided.
+Reach reach_of(const Cycle& cycle) {
+  const std::size_t last = cycle.times.size() - 1;
+  Reach reach;
+  for (PetscInt i = 0; i < cycle.nodes; ++i) {
+    const auto step = [&](std::size_t k) { return cycle.times[k + 1] - cycle.times[k]; };
+    const auto rests = [&](std::size_t k) { return cycle.psi(k, i) == 0 && cycle.psi(k + 1, i) == 0; };
+    const auto secant = [&](std::size_t k) { return (cycle.psi(k + 1, i) - cycle.psi(k, i)) / step(k); };
+    // at the beginning or the end of interval k, with the interval `other` beside it
+    const auto slope = [&](std::size_t k, std::size_t other, bool shared) {
+      const double part = step(k) / (step(k) + step(other));
+      return secant(k) + (shared ? 1 : -1) * part * (secant(other) - secant(k));
+    };
+    double mean = 0, at = 0, low = 0, high = 0;
+    for (std::size_t k = 0; k < last; ++k) mean += step(k) * (cycle.psi(k, i) + cycle.psi(k + 1, i)) / 2;
+    mean /= cycle.period;
+    for (std::size_t k = 0; k < last; ++k) {
+      at += step(k) * ((cycle.psi(k, i) + cycle.psi(k + 1, i)) / 2 - mean);
+      low = std::min(low, at), high = std::max(high, at);
+      if (rests(k) || !(step(k) > 0)) continue;
+      const bool before = k > 0 && !rests(k - 1) && step(k - 1) > 0,
+                 behind = k + 1 < last && !rests(k + 1) && step(k + 1) > 0;
+      for (const double found :
+           {before ? slope(k, k - 1, true) : behind ? slope(k, k + 1, false) : secant(k),
+            behind ? slope(k, k + 1, true) : before ? slope(k, k - 1, false) : secant(k)})
+        reach.acceleration = std::max(reach.acceleration, std::abs(found));
+    }
+    reach.displacement = std::max(reach.displacement, (high - low) / 2);
+  }
+  return reach;
+}
+
 Columns<Cycle> cycle_columns() {
   return {{"period", "time", "period", &Cycle::period},
           {"amplitude", "length/time", "half the largest range of psi", &Cycle::amplitude},
           {"psi_min", "length/time", "least psi", &Cycle::psi_min},
           {"psi_max", "length/time", "largest psi", &Cycle::psi_max},
+          {"displacement", "length", "half the largest range of a node's displacement about its mean motion",
+           [](const Cycle& c) { return reach_of(c).displacement; }},
+          {"acceleration", "velocity/time", "largest acceleration of a node",
+           [](const Cycle& c) { return reach_of(c).acceleration; }},
           {"rest_fraction", "1", "part of the time at rest", &Cycle::rest_fraction},
           {"force_drop", "1", "range of the mean eta", &Cycle::force_drop},
           {"error_estimate", "1", "of the period, relative", &Cycle::error_estimate}};
@@ -211,7 +253,14 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.attribute("period", cycle.period);
 }
 
-void describe(Summary& summary, const FoundCycle& found) {
+// A force as eta has it, in parts of f0; behind it in the scene's unit.
+std::string force_text(double eta, const Scene& scene, int digits) {
+  const std::string own = rounded_text(eta, digits);
+  if (scene.form != Form::chain || names().force.empty()) return own;
+  return own + " (" + in_unit(eta * scene.f0, 4, "force") + ")";
+}
+
+void describe(Summary& summary, const Scene& scene, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
   const std::string cell = cycle.nodes == 1 ? "one node" : std::to_string(cycle.nodes) + " nodes";
   const std::string of_load = cycle.forcing_periods == 0 ? ""
@@ -219,14 +268,18 @@ void describe(Summary& summary, const FoundCycle& found) {
                                   ? ", that of the load"
                                   : fmt::format(", {} of the load", cycle.forcing_periods);
   summary.say(fmt::format(
-      "cycle of {}: period T = {}{}, error below {:.2g} of it; psi from {:.10g} to {}, force drop {:.8g}{}",
+      "cycle of {}: period T = {}{}, error below {:.2g} of it; psi from {:.10g} to {}, force drop {}{}",
       cell, period_text(cycle.period, 12), of_load, cycle.error_estimate, cycle.psi_min,
-      in_unit(cycle.psi_max, 10, "velocity"), cycle.force_drop,
+      in_unit(cycle.psi_max, 10, "velocity"), force_text(cycle.force_drop, scene, 8),
       cycle.rest_fraction > 0 ? fmt::format(", at rest for {:.4g} % of the time", 100 * cycle.rest_fraction)
                               : ""));
-  if (!names().length.empty() && !names().time.empty())
-    summary.say("amplitude, as of a sine: " +
-                amplitude_text((cycle.psi_max - cycle.psi_min) / 2, 2 * M_PI / cycle.period, 4));
+  if (!names().length.empty() && !names().time.empty()) {
+    const Reach reach = reach_of(cycle);
+    summary.say(fmt::format("amplitude {}, displacement {} to either side, acceleration up to {}",
+                            in_unit(cycle.amplitude, 4, "velocity"),
+                            in_unit(reach.displacement, 4, "length"),
+                            in_unit(reach.acceleration, 4, "velocity/time")));
+  }
   if (!cycle.not_linear.empty()) {
     summary.say("perturbations: without multipliers and a verdict on stability: " + cycle.not_linear);
     return;
@@ -303,7 +356,8 @@ int cycle(const Options& options) {
     ResultFile file = run.file();
     set_keys(summary, keys(), answer);
     add_cycle(file, cell, found);
-    describe(summary, found);
+    describe(summary, cell, found);
+    say_beyond_table(options, found.cycle.psi_min, found.cycle.psi_max, summary);
     const bool with_waves = options.boolean("cycle_spectrum") && found.waves;
     if (with_waves) {
       Pulse::stage("waves on the cycle");

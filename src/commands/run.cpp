@@ -194,15 +194,29 @@ std::string motion_words(const Summary& s, const Scene& scene) {
   return text;
 }
 
+// Which part of steps that are split is implicit.
+std::string split_words(const std::string& method, const std::string& implicit) {
+  if (method.rfind("arkimex", 0) != 0) return "";
+  return implicit == "friction" ? " with friction implicit"
+         : implicit == "wave"   ? " with waves implicit"
+         : implicit == "both"   ? " with everything implicit"
+                                : "";
+}
+
 // How it was computed.
-std::string work_words(const Summary& s) {
+std::string work_words(const Summary& s, const Scene& scene) {
+  const std::string method = of(s, "method").get<std::string>();
   const Json& plate = of(s, "plate_time");
   std::string text = "t = " + measured(s, "t_end", "time", 6) +
                      (plate.is_null() ? "" : " (the plate's clock: " + rounded(plate, 6) + ")") + " in " +
-                     of(s, "steps").dump() + " steps of " + of(s, "method").get<std::string>() + " (" +
+                     of(s, "steps").dump() + " steps of " + method +
+                     split_words(method, of(s, "implicit").get<std::string>()) + " (" +
                      of(s, "rejections").dump() + " rejected), " + of(s, "unknowns").dump() + " unknowns";
   if (const Json& error = of(s, "error_estimate"); !error.is_null())
-    text += ", error about " + rounded(error, 2);
+    text += ", error about " + rounded(error, 2) +
+            (scene.friction.jumps_at_rest() && scene.friction.regularised
+                 ? ", without what smoothing over friction_eps changes (-friction_stick exact has none)"
+                 : "");
   return text;
 }
 
@@ -319,8 +333,12 @@ int run_here(const Options& options) {
     const int code = options.is_set("accuracy") && !options.is_set("restart")
                          ? run_to_accuracy(options, summary)
                          : Run(options, command.provenance).advance(summary);
-    summary.say(motion_words(summary, Scene::from(options, false)));
-    summary.say(work_words(summary));
+    const Scene scene = Scene::from(options, false);
+    summary.say(motion_words(summary, scene));
+    summary.say(work_words(summary, scene));
+    if (!summary.is_null("psi_low"))
+      say_beyond_table(options, of(summary, "psi_low").get<double>(), of(summary, "psi_high").get<double>(),
+                       summary);
     if (const std::string text = lyapunov_words(summary); !text.empty()) summary.say(text);
     if (!summary.is_null("events") && options.is_set("out_file"))
       summary.say("to see the events: " + script_call("events") + " " + options.text("out_file"));

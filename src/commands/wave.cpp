@@ -212,22 +212,23 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
 
 void describe(Summary& summary, const Train& train) {
   summary.say(
-      fmt::format("train of {} pulse{} on a ring: speed V = {:.12g}, length L = {:.12g}, period T = {:.12g}",
-                  train.pulses, train.pulses == 1 ? "" : "s", train.speed, train.length, train.period));
+      fmt::format("train of {} pulse{} on a ring: speed V = {}, length L = {}, period T = {}",
+                  train.pulses, train.pulses == 1 ? "" : "s", in_unit(train.speed, 12, "velocity", "speed"),
+                  in_unit(train.length, 12, "length", "grid_length"), period_text(train.period, 12)));
   summary.say(
-      fmt::format("solved for the {}, error below {:.2g}; psi from {:.10g} to {:.10g}; {} mesh intervals",
-                  train.length_given ? "speed" : "length", train.error_estimate, train.psi_min, train.psi_max,
-                  train.intervals()));
+      fmt::format("solved for the {}, error below {:.2g}; psi from {:.10g} to {}; {} mesh intervals",
+                  train.length_given ? "speed" : "length", train.error_estimate, train.psi_min,
+                  in_unit(train.psi_max, 10, "velocity"), train.intervals()));
 }
 
 void describe(Summary& summary, const TrainSpectrum& spectrum) {
   if (std::isnan(spectrum.growth_bound)) return summary.say("stability: " + spectrum.completeness_check);
   const bool none = std::isnan(spectrum.growth_rate);
   const std::string rate =
-      none ? fmt::format(", every other mode at a growth rate below {:.6g}", spectrum.growth_bound)
-           : fmt::format(", {} {:.6g}",
+      none ? ", every other mode at a growth rate below " + in_unit(spectrum.growth_bound, 6, "1/time")
+           : fmt::format(", {} {}",
                          spectrum.growth_known ? "largest growth rate" : "a growth rate of at least",
-                         spectrum.growth_rate);
+                         in_unit(spectrum.growth_rate, 6, "1/time"));
   summary.say(spectrum.known ? fmt::format("on its ring: {}stable{} (translation mode: {:.2g})",
                                            spectrum.stable ? "" : "not ", rate, spectrum.translation_error)
                              : "on its ring: whether it is stable is not known" +
@@ -237,8 +238,10 @@ void describe(Summary& summary, const TrainSpectrum& spectrum) {
       : spectrum.infinite_stable
           ? "infinite train: stable to every wavelength"
           : fmt::format(
-                "infinite train: not stable, growth rate {:.6g} at wavenumber {:.6g}, frequency {:.6g}",
-                spectrum.infinite_growth, spectrum.infinite_wavenumber, spectrum.infinite_frequency));
+                "infinite train: not stable, growth rate {} at wavenumber {}, frequency {}",
+                in_unit(spectrum.infinite_growth, 6, "1/time"),
+                in_unit(spectrum.infinite_wavenumber, 6, "1/length", "wavenumber"),
+                frequency_text(spectrum.infinite_frequency, 6)));
 }
 
 void describe(Summary& summary, const std::string& name, const TrainLimit& limit) {

@@ -48,6 +48,22 @@ std::string without_comment(const std::string& line) {
   return line;
 }
 
+// A line of Latin-1, as older spreadsheets save it, in UTF-8; one of UTF-8 as it is.
+std::string in_utf8(const std::string& line) {
+  std::size_t at = 0;
+  while (at < line.size() && utf8_length(line, at) > 0) at += std::size_t(utf8_length(line, at));
+  if (at == line.size()) return line;
+  std::string text;
+  for (const char c : line) {
+    const unsigned byte = (unsigned char)c;
+    if (byte < 0x80)
+      text += c;
+    else
+      (text += char(0xC0 | byte >> 6)) += char(0x80 | (byte & 0x3F));
+  }
+  return text;
+}
+
 bool is_comment(const std::string& line) {
   const std::size_t first = line.find_first_not_of(blanks);
   return first == std::string::npos || line[first] == '#' || line[first] == '%';
@@ -126,7 +142,7 @@ class Table {
         throw usage_error("{}:{}: no text of UTF-8 (a spreadsheet saves it as CSV UTF-8)", name_,
                           lines_.size() + 1);
       if (!line.empty() && line.back() == '\r') line.pop_back();
-      lines_.push_back(without_comment(line));
+      lines_.push_back(without_comment(in_utf8(line)));
       if (lines_.size() > longest)
         throw UsageError(name_ + ": more than " + std::to_string(longest) + " rows");
     }

@@ -10,8 +10,17 @@
 
 namespace stickslip {
 
+// Whether an option's value is the name of one that a command varies.
+static bool names_an_option(const std::string& name) {
+  static const std::set<std::string> single = {"boundary_parameter", "boundary_parameter2",
+                                               "cycle_continue",     "wave_continue",
+                                               "wave_continue2",     "chart_parameter"};
+  return single.count(name) > 0;
+}
+
 bool takes_away(const OptionSpec& spec, const std::string& text) {
-  const bool any_text = spec.type == OptionType::text || spec.type == OptionType::text_list;
+  const bool any_text =
+      (spec.type == OptionType::text && !names_an_option(spec.name)) || spec.type == OptionType::text_list;
   return !any_text && (text == "none" || text == "unlimited") && text == spec.default_help &&
          spec.default_text.empty();
 }
@@ -150,11 +159,8 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
 static std::set<std::string> varied_by(const Options& options) {
   std::set<std::string> names;
   for (const OptionSpec& spec : option_table()) {
-    static const std::set<std::string> single = {"boundary_parameter", "boundary_parameter2",
-                                                 "cycle_continue",     "wave_continue",
-                                                 "wave_continue2",     "chart_parameter"};
     const bool list = spec.name.rfind("sweep_parameter", 0) == 0 || spec.name == "boundary_same";
-    if (!list && !single.count(spec.name)) continue;
+    if (!list && !names_an_option(spec.name)) continue;
     for (const std::string& name : split_list(options.text(spec.name))) names.insert(lower_case(name));
   }
   return names;

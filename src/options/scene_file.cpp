@@ -31,20 +31,6 @@ bool ends_with(const std::string& path, const std::string& suffix) {
          lower_case(path).compare(path.size() - suffix.size(), suffix.size(), suffix) == 0;
 }
 
-// Number of bytes of the UTF-8 character at `at`, 0 where there is none.
-int utf8_length(const std::string& text, std::size_t at) {
-  const auto byte = [&text](std::size_t i) { return i < text.size() ? (unsigned char)text[i] : 0u; };
-  const unsigned first = byte(at);
-  if (first < 0x80) return 1;
-  const int length = first >= 0xF0 && first < 0xF5   ? 4
-                     : first >= 0xE0 && first < 0xF0 ? 3
-                     : first >= 0xC2 && first < 0xE0 ? 2
-                                                     : 0;
-  for (int i = 1; i < length; ++i)
-    if ((byte(at + i) & 0xC0) != 0x80) return 0;
-  return length;
-}
-
 // Checks that the bytes are text, and gives them without a byte order mark.
 std::string checked_text(std::string text, const std::string& name) {
   if (text.compare(0, 3, "\xEF\xBB\xBF") == 0) text.erase(0, 3);

@@ -16,6 +16,19 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 }  // namespace
 
+int utf8_length(const std::string& text, std::size_t at) {
+  const auto byte = [&text](std::size_t i) { return i < text.size() ? (unsigned char)text[i] : 0u; };
+  const unsigned first = byte(at);
+  if (first < 0x80) return 1;
+  const int length = first >= 0xF0 && first < 0xF5   ? 4
+                     : first >= 0xE0 && first < 0xF0 ? 3
+                     : first >= 0xC2 && first < 0xE0 ? 2
+                                                     : 0;
+  for (int i = 1; i < length; ++i)
+    if ((byte(at + i) & 0xC0) != 0x80) return 0;
+  return length;
+}
+
 std::optional<double> parse_number(const std::string& text) {
   const char *first = text.data(), *last = first + text.size();
   if (first != last && *first == '+' && text.size() > 1 && text[1] != '-' && text[1] != '+') ++first;

@@ -24,6 +24,8 @@ std::optional<double> parse_number(const std::string& text);
 std::optional<double> parse_integer(const std::string& text);
 std::optional<bool> parse_boolean(const std::string& text);
 std::vector<std::string> split_list(const std::string& text);  // at commas, without spaces around
+// Number of bytes of the UTF-8 character at `at`, 0 where there is none.
+int utf8_length(const std::string& text, std::size_t at);
 // Words between blanks; one that begins with a quote ends with it, and may hold blanks. What follows a word
 // that begins with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for
 // a quote that is not closed.

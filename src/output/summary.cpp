@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -145,6 +146,31 @@ void Summary::wrote(const std::string& path) {
 
 void Summary::say(const std::string& line) { lines_.push_back(line); }
 
+// The units of length, time and velocity that stand in brackets in `text`, "km/h" of "Speed (km/h)", and are
+// none of the scene's; nothing where the scene says none.
+static std::vector<std::string> foreign_units(const std::string& text) {
+  static const std::set<std::string> lengths = {"nm", "um", "mm", "cm", "m", "km", "in", "ft", "mi"},
+                                     times = {"ns", "us", "ms", "s", "min", "h", "d", "yr"};
+  std::vector<std::string> found;
+  if (names().length.empty() || names().time.empty()) return found;
+  for (std::size_t at = 0; (at = text.find_first_of("([", at)) != std::string::npos; ++at) {
+    const std::size_t end = std::min(text.size(), text.find_first_of(")]", at));
+    std::string unit = text.substr(at + 1, end - at - 1);
+    for (const char* micro : {"\xc2\xb5", "\xce\xbc"})  // the sign and the letter
+      if (unit.compare(0, 2, micro) == 0) unit.replace(0, 2, "u");
+    const std::vector<std::string> parts = split(unit, '/');
+    const bool is_length = lengths.count(parts[0]) > 0, is_time = times.count(parts[0]) > 0;
+    const std::string own = parts.size() == 1 && is_length ? names().length
+                            : parts.size() == 1 && is_time ? names().time
+                            : parts.size() == 2 && is_length && times.count(parts[1]) > 0
+                                ? unit_of("velocity")
+                                : unit;
+    if (unit != own) found.push_back(unit);
+  }
+  return found;
+}
+
+
 void Summary::tell() const {
   int rank = 0;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
@@ -166,6 +192,11 @@ void Summary::tell() const {
   std::string text;
   for (const std::vector<std::string>* const lines : {&readings(), &lines_})
     for (const std::string& line : *lines) text += "stickslip: " + one_line(line) + "\n";
+  for (const std::string& line : readings())
+    if (const std::vector<std::string> units = foreign_units(line); !units.empty())
+      text += "stickslip: " + joined(units) + " of the header is no unit of the scene (" +
+              joined({names().length, names().time, unit_of("velocity")}) +
+              "): numbers are taken as they are\n";
   std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
 }
 

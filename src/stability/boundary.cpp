@@ -185,8 +185,8 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
       roots.push_back(c);
     } else {
       findings.notes.push_back(
-          fmt::format("the growth rate jumps through zero at {} = {}, where a mode "
-                      "enters or leaves what the grid resolves: no boundary",
+          fmt::format("the growth rate jumps through zero at {} = {}, where the slope of friction jumps (at "
+                      "the end of a table) or a mode enters or leaves what the grid resolves: no boundary",
                       growth.axes()[0].name, number_text(c.value)));
     }
   }
@@ -426,7 +426,8 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
   if (jumps > 0)
     findings.notes.push_back(std::to_string(jumps) +
                              " points of the curve are left out: the growth rate jumps through "
-                             "zero there, where a mode enters or leaves what the grid resolves");
+                             "zero there, where the slope of friction jumps (at the end of a table) or a "
+                             "mode enters or leaves what the grid resolves");
   return result;
 }
 

@@ -485,7 +485,8 @@ bool warn_of_steps(const Model& model, const Integrator& integrator, Vec u, doub
       model.viscous() ? fmt::format("viscosity damps it at {:.3g}, ", viscous_rate(model.scene())) : "";
   warn(fmt::format(
       "ts_dt {} is beyond the stability limit of {}, which is about {:.3g} here (the shortest wave turns at "
-      "{:.3g} per unit time, {}friction acts at up to {:.3g}): the solution will grow without bound",
+      "{:.3g} per unit time, {}friction acts at up to {:.3g}): the solution grows without bound, or is "
+      "bounded and wrong",
       number_text(dt), integrator.method().name(), forecast.limit(dt, duration), model.wave_frequency(),
       damped, rates_of(model, u).friction));
   return true;

@@ -91,3 +91,25 @@ def test_log_view_names_what_is_done():
         for stage in stages:
             check(re.search(rf"^ *\d+: +{stage}: ", said, re.MULTILINE), f"{command}: {stage} in {said[:3000]}")
         check(not re.search(r"Stage \d+: Unknown", said), f"{command}: a stage without a name in {said[:3000]}")
+
+
+def test_log_view_counts_the_operations_of_steps():
+    """Of a step as many on every grid, times its nodes."""
+    of_step = {}
+    for n in (64, 128):
+        said = call(f"-grid_n {n} -init_type sine -ts_max_time 1 -ts_type rk:5dp -log_view", command="run").stdout
+        stage = said[said.index("Stage 2: time stepping"):] if "Stage 2: time stepping" in said else said
+        count, flops = re.search(r"^TSStep +(\d+) [\d.]+ \S+ [\d.]+ (\S+)", stage, re.MULTILINE).groups()
+        of_step[n] = float(flops) / int(count) / n
+    check(of_step[64] > 100 and abs(of_step[128] / of_step[64] - 1) < 0.05, f"{of_step}")
+
+
+def test_a_monitor_says_of_which_solver_it_speaks():
+    said = call("-grid_n 200 -spectrum_method krylov -bc_left velocity -bc_left_value 0.5 -model_v 1.2 -eps_monitor",
+                command="spectrum").stdout
+    check(re.match(r"EPS of the eigenvalues nearest to \S+ of 398 unknowns\n +1 EPS nconv=", said), said[:300])
+
+
+def test_why_a_solver_without_a_matrix_fails_is_told():
+    done = call("-grid_n 128 -model_c 30 -model_gamma 300 -init_type sine -ts_max_time 3 -ts_type rosw -snes_mf", command="run")
+    check(done.returncode == 1 and "without a matrix there is no preconditioner" in done.stderr and "-snes_fd" in done.stderr, done.stderr)

@@ -65,14 +65,50 @@ def test_the_map_is_in_hertz_and_metres_a_second():
     text = said("spectrum", BRAKE)
     check(abs(number(r"frequency [\d.]+ 1/s \(([\d.]+) Hz\)", text) - np.sqrt(1e6 / 0.5) / (2 * np.pi)) < 1, text)
     text = said("cycle", BRAKE)
-    speed, way, push = (number(pattern, text) for pattern in (
-        r"as of a sine: ([\d.e-]+) m/s", r"displacement ([\d.e-]+) m,", r"acceleration ([\d.e+-]+) m/s\^2"))
-    check(abs(way * push / speed ** 2 - 1) < 2e-3, text)
+    # of one block on its spring: k0 z = f0 eta, and Newton's law along the orbit
+    summary, _ = run(BRAKE + " -out_file c.h5", command="cycle")
+    with h5py.File("c.h5") as file:
+        psi, eta = file["psi"][:, 0], file["eta"][:, 0]
+        friction = np.interp(psi, file["friction/psi"][...], file["friction/F"][...])
+    moves = psi > 0
+    push = np.abs(400 * (eta - friction) - 10 * psi)[moves].max() / 0.5
+    check(abs(summary["displacement"] / (400 * np.ptp(eta) / 2 / 1e6) - 1) < 1e-3, f"{summary['displacement']} {np.ptp(eta)}")
+    check(abs(summary["acceleration"] / push - 1) < 1e-2, f"{summary['acceleration']} {push}")
+    for key, pattern in (("amplitude", r"amplitude ([\d.e-]+) m/s,"), ("displacement", r"displacement ([\d.e-]+) m to either side"),
+                         ("acceleration", r"acceleration up to ([\d.e+-]+) m/s\^2")):
+        check(abs(number(pattern, text) / summary[key] - 1) < 1e-3, f"{key}: {text}")
+    check(abs(number(r"force drop [\d.e-]+ \(([\d.e+-]+) N\)", text) / (400 * summary["force_drop"]) - 1) < 1e-3, text)
     done = tool("plot.py", "b.h5", "-o", "b.svg")
     check(done.returncode == 0, done.stderr)
     with open("b.svg", encoding="utf-8") as file:
         drawn = file.read()
     check("disc speed (m/s)" in drawn and "damping (N s/m)" in drawn, re.findall(r"<!-- (.*?) -->", drawn))
+
+
+def test_what_a_scene_s_files_do_not_hold_is_told():
+    """A motion that leaves the table of its friction, and a header in units that are not the scene's."""
+    with open("kmh.csv", "w", encoding="latin-1") as file:
+        file.write("Gleitgeschwindigkeit \u00fcber Grund (km/h);Reibung\n0;0.5\n0.6;0.45\n1;0.4\n")
+    text = said("run", BRAKE, "-ts_max_time", "0.05", "-friction_table",
+                'kmh.csv:"Gleitgeschwindigkeit \u00fcber Grund (km/h)",Reibung')
+    check("km/h of the header is no unit of the scene (m, s, m/s)" in text and "columns 'Gleitgeschwindigkeit \u00fcber Grund" in text, text)
+    check(re.search(r"psi comes to 1\.\d+ m/s, beyond the end of friction_table at 1 m/s: there friction is taken as constant", text), text)
+    text = said("cycle", BRAKE)
+    check("beyond the end" not in text and "no unit of the scene" not in text, text)
+
+
+def test_units_of_a_train():
+    text = said("wave", *"-wave_pulses 1 -wave_length 25 -units_length m -units_time s -units_force N".split())
+    for pattern in (r"speed V = [\d.]+ m/s, length L = 25 m, period T = [\d.]+ s \([\d.]+ Hz\)", r"psi from [-\d.]+ to [\d.]+ m/s"):
+        check(re.search(pattern, text), text)
+
+
+def test_what_is_implicit_and_what_smoothing_costs():
+    block = "run -grid_n 1 -bc_left free -model_form chain -ts_max_time 5 -accuracy 1e-3".split()
+    text = said(*block, *"-friction_law coulomb -friction_stick regularised -friction_eps 0.05 -ts_type arkimex".split())
+    check(" steps of arkimex:" in text and " with friction implicit (" in text, text)
+    check("without what smoothing over friction_eps changes" in text, text)
+    check("smoothing" not in said(*block), "smooth friction")
 
 
 @pytest.mark.parametrize("words, says", [

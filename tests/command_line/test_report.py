@@ -52,6 +52,13 @@ def test_what_does_not_matter_and_one_reason_is_said_once():
     assert "k₀ = 1e6 N/m" in title and "disc speed v = 0.5 m/s" in title and "damping ζ = 10 N s/m" in title, title
 
 
+def test_a_scene_that_asks_for_a_map_has_ends_along_one_option():
+    """`none` takes the second option of a scene's boundary away."""
+    summary, _ = run(scene_file("motions") + " -boundary_of sliding -boundary_from 0.5 -boundary_parameter2 none -boundary_from2 none "
+                     "-boundary_to2 none", command="boundary")
+    assert [round(point["value"], 6) for point in summary["points"]] == [0.966092] and summary["points"][0].get("value2") is None, summary["points"]
+
+
 def test_a_wrong_scene_is_one_line():
     done = tool("report.py", "nowhere.yaml")
     assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith("report.py: error: "), done.stderr
