@@ -57,8 +57,9 @@ class Scene:
             self.refused[part] = str(error)
             return None, None
         self.options |= summary["options"]
-        with h5py.File(file) as results:
-            style.take_names(results)
+        if os.path.exists(file):
+            with h5py.File(file) as results:
+                style.take_names(results)
         return summary, file
 
     def value(self, name):
@@ -175,7 +176,7 @@ def measured(value, name, digits=4):
         of = style.UNITS.get("friction_D", "") + (f"/{time}^2" if name == "acceleration" else "")
     if time and name in ("rate", "angular", "frequency"):
         of = "Hz" if (name, time) == ("frequency", "s") else ("rad/" if name == "angular" else "1/") + time
-    return f"{value:.{digits}g} {of}".rstrip()
+    return f"{value:.{digits}g} {of}".rstrip().replace("^2", "²")
 
 
 def listed(words):
@@ -339,8 +340,12 @@ def page(path, more=(), seconds=60.):
         found["refused"] = scene.refused
         sliding(scene, found)
         course = motion(scene, found)
-        if not scene.options:
-            return None, found
+        if not scene.options:  # nothing but what a check of the scene knows
+            scene.seconds = max(seconds, 20)
+            scene.ask("check", "run", check=True)
+            scene.seconds = seconds
+            if not scene.options:
+                return None, found
         cycle = oscillation(scene, found)
         ends(scene, found)
         chart(scene, found)

@@ -217,13 +217,6 @@ std::string period_text(double value, int digits) {
   return with_turns(in_unit(value, digits, "time"), 1 / value, digits);
 }
 
-std::string amplitude_text(double value, double omega, int digits) {
-  const std::string text = in_unit(value, digits, "velocity");
-  if (noted.length.empty() || noted.time.empty() || !(omega > 0)) return text;
-  return text + fmt::format(" (displacement {}, acceleration {})", in_unit(value / omega, digits, "length"),
-                            in_unit(value * omega, digits, "velocity/time"));
-}
-
 std::string called(const std::string& option) {
   const auto found = noted.labels.find(option);
   return found == noted.labels.end() ? option : found->second;

@@ -261,7 +261,8 @@ class Waves {
   // or in k.
   double diffusion() const {
     if (one_node_) {
-      const double viscous = 2 * M_PI * scene_.N() / period();  // as stiff as that at the frequency of the cycle
+      // as stiff as that at the frequency of the cycle
+      const double viscous = 2 * M_PI * scene_.N() / period();
       const double unit = 1e-3 * scene_.K0() / std::max(scene_.K1(), viscous);
       const auto f = [&](double part) { return phase_growth(map_.of_wave(part * unit)); };
       return -(8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * unit);

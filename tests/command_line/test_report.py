@@ -59,6 +59,13 @@ def test_a_scene_that_asks_for_a_map_has_ends_along_one_option():
     assert [round(point["value"], 6) for point in summary["points"]] == [0.966092] and summary["points"][0].get("value2") is None, summary["points"]
 
 
+def test_a_scene_of_which_nothing_is_known_in_time_has_a_page():
+    """A catalogue under a plate that halts, which no command but run takes, and run takes longer."""
+    done = tool("report.py", scene_file("published/mori-kawamura-halted"), "-o", "r.png", "--seconds", "1")
+    assert done.returncode == 0, done.stderr
+    assert "No motion: took longer than 1 s." in done.stdout and "No sliding" in done.stdout, done.stdout
+
+
 def test_a_wrong_scene_is_one_line():
     done = tool("report.py", "nowhere.yaml")
     assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith("report.py: error: "), done.stderr

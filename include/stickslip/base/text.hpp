@@ -62,9 +62,6 @@ std::string with_error(double value, double error);
 std::string frequency_text(double value, int digits);
 // "0.0101 s (99.2 Hz)".
 std::string period_text(double value, int digits);
-// The amplitude of a velocity that is a sine of the frequency `omega`, with those of displacement and
-// acceleration beside it where units are given: "0.2 m/s (displacement 3.2e-4 m, acceleration 125 m/s^2)".
-std::string amplitude_text(double value, double omega, int digits);
 // What an option is called: its label, or its name.
 std::string called(const std::string& option);
 
