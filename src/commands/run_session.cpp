@@ -73,19 +73,6 @@ Problem problem_for(const Scene& scene, const Options& options, const std::optio
                     nodes_of(checkpoint, scene, options));
 }
 
-// The velocity above which a node moves, for the catalogue of events.
-double event_velocity(const Options& options, const Scene& scene) {
-  const bool sticks = Stick::applies_to(scene);
-  if (scene.massless())
-    throw UsageError(
-        "out_events: the sizes of events are measured with psi_t, which a chain without mass "
-        "(model_m 0) does not have; take a small model_m, or out_frames");
-  if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
-  if (scene.v == 0 && !sticks)
-    throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");
-  return sticks ? 0 : 2 * std::abs(scene.v);
-}
-
 // What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they
 // forget there.
 void warn_of_memory(const Options& options) {
@@ -144,7 +131,7 @@ void Run::make_observers(const MeasureMaker& measure, const std::optional<Checkp
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   for (const OwnObserver& own : own_observers()) observers_.push_back(own.make(model));
   if (options_.boolean("out_events")) {
-    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_),
+    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_, "out_events"),
                                                  options_.boolean("out_rupture"), plate_);
     catalogue_ = catalogue.get();
     observers_.push_back(std::move(catalogue));

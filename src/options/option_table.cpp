@@ -364,8 +364,7 @@ void time_options(OptionTableBuilder& t) {
       .unset("none");
   t.text("accuracy_of", "fields",
          "what -accuracy is wanted of: fields, probe:x (psi and eta at x, at the end), speed (wave_speed), "
-         "period (at "
-         "out_probes) or amplitude");
+         "period (at out_probes), amplitude or events (when they begin and end)");
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take")
       .where("accuracy", {""});
   t.in("Time stepping", "run chart fit");
@@ -498,6 +497,10 @@ void chart_options(OptionTableBuilder& t) {
   t.add("chart_methods", OptionType::text_list, "",
         "methods type[:subtype[:implicit]], e.g. rk:5dp,arkimex:4:friction")
       .unset("a choice of good ones");
+  t.text("chart_of", "fields",
+         "what errors are of: fields (psi and eta at the end), probe:x, speed, period, amplitude or events "
+         "(when they begin and end)")
+      .where("chart_kind", {"error"});
   t.reals("chart_tolerances", "tolerances of the methods").above(0).unset("1e-3,1e-5,1e-7,1e-9");
   t.reals("chart_steps", "steps of methods without an error estimate", "time")
       .above(0)

@@ -201,28 +201,43 @@ std::vector<Field> Catalogue::rupture_columns() {
           {"time", "time", "time at which it first slips in this event (by the run's clock)"}};
 }
 
-void Catalogue::plan(ObservationPlan& plan) {
-  begin_ = MPI_Wtime();
-  const Field end{"t", "time", "time at which the event ends"};
-  if (ruptures_) plan.layout.groups.push_back({"events/rupture", end, rupture_columns()});  // shown before it
-  plan.layout.groups.push_back({"events", end, columns(halts(model_.scene()), ruptures_)});
-  const FrictionParameters& friction = model_.scene().friction;
-  stiff_ = !plan.by_clusters && (friction.regularised || model_.friction_law(0).steep);
+void EventsOfSteps::plan(ObservationPlan& plan) {
+  stiff_ = model_.scene().friction.regularised || model_.friction_law(0).steep;
   if (stiff_) plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });
 }
 
-void Catalogue::start(RunFile* file) { file_ = file; }
-
-void Catalogue::step(const ObservedStep& step) {
-  if (!events_) return;
+std::vector<SlipEvent> EventsOfSteps::step(const ObservedStep& step) {
   // Where friction is stiff the slopes of psi say nothing of what it goes through: the method does.
   const std::function<Vec()> middle = [&] {
     if (!middle_) middle_ = model_.create_vector();
     step.interpolate((step.t_before + step.t) / 2, middle_);
     return Vec(middle_);
   };
-  events_->step(step.t, step.u, model_.dof(), stiff_ ? middle : nullptr);
-  for (const SlipEvent& event : events_->ended()) enter(event, plate_.at(event.end));
+  events_.step(step.t, step.u, model_.dof(), stiff_ ? middle : nullptr);
+  return events_.ended();
+}
+
+std::vector<double> EventTimes::values() const {
+  std::vector<std::pair<double, double>> sorted = times_;
+  std::sort(sorted.begin(), sorted.end());
+  std::vector<double> times;
+  for (const auto& [begin, end] : sorted) times.insert(times.end(), {begin, end});
+  return times;
+}
+
+void Catalogue::plan(ObservationPlan& plan) {
+  begin_ = MPI_Wtime();
+  const Field end{"t", "time", "time at which the event ends"};
+  if (ruptures_) plan.layout.groups.push_back({"events/rupture", end, rupture_columns()});  // shown before it
+  plan.layout.groups.push_back({"events", end, columns(halts(model_.scene()), ruptures_)});
+  if (events_) events_->plan(plan);
+}
+
+void Catalogue::start(RunFile* file) { file_ = file; }
+
+void Catalogue::step(const ObservedStep& step) {
+  if (!events_) return;
+  for (const SlipEvent& event : events_->step(step)) enter(event, plate_.at(event.end));
 }
 
 void Catalogue::record(const SlipEvent& event, double plate_time) {

@@ -207,13 +207,47 @@ class Recurrence {
   Sums system_, node_;           // of all events; of this rank's nodes
 };
 
+// Events of a model as the steps of its run show them.
+class EventsOfSteps {
+ public:
+  // Above `velocity` a node moves. The model outlives it. Collective.
+  EventsOfSteps(const Model& model, double velocity, bool ruptures)
+      : model_(model), events_(model.scene(), velocity, NodeRange::of(model), ruptures) {}
+  void plan(ObservationPlan& plan);
+  // Those that have ended in this step, in order of their ends. Collective.
+  std::vector<SlipEvent> step(const ObservedStep& step);
+  long count() const { return events_.count(); }
+  void archive(Archive& a) { events_.archive(a); }
+
+ private:
+  const Model& model_;
+  Events events_;
+  bool stiff_ = false;
+  VecHandle middle_;  // of a step, where friction is stiff
+};
+
+// When the events of a run began and ended, the earliest first, of those that have ended.
+class EventTimes final : public Measure {
+ public:
+  EventTimes(const Model& model, double velocity) : events_(model, velocity, false) {}
+  void plan(ObservationPlan& plan) override { events_.plan(plan); }
+  void step(const ObservedStep& step) override {
+    for (const SlipEvent& event : events_.step(step)) times_.emplace_back(event.begin, event.end);
+  }
+  std::vector<double> values() const override;
+
+ private:
+  EventsOfSteps events_;
+  std::vector<std::pair<double, double>> times_;
+};
+
 class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
   Catalogue(const Model& model, double velocity, bool ruptures, const Plate& plate)
       : model_(model), plate_(plate), velocity_(velocity), ruptures_(ruptures),
         recurrence_(NodeRange::of(model), model.scene()) {
-    events_.emplace(model.scene(), velocity, NodeRange::of(model), ruptures);
+    events_.emplace(model, velocity, ruptures);
   }
 
   // Of `events`; `halt`: of a plate that does (Plate), whose clock then is that of their times.
@@ -237,9 +271,8 @@ class Catalogue : public Observer {
   const Model& model_;
   const Plate& plate_;
   double velocity_;
-  bool ruptures_, stiff_ = false;
-  VecHandle middle_;  // of a step, where friction is stiff
-  std::optional<Events> events_;
+  bool ruptures_;
+  std::optional<EventsOfSteps> events_;
   long told_ = 0;  // events
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock

@@ -35,7 +35,7 @@ Table<ChartRow> chart_table() {
             [](Row r) { return r.setting.eps; }},
            {"order", "1", "order in space", [](Row r) { return r.setting.order; }},
            {"n", "1", "nodes", [](Row r) { return r.setting.n; }},
-           {"error", "1", "largest error of psi and eta", &ChartRow::error},
+           {"error", "1", "largest error of psi and eta, or of what chart_of names", &ChartRow::error},
            {"error_time", "1", "the part of it from steps in time", &ChartRow::error_time},
            {"error_space", "1", "the part of it from the grid", &ChartRow::error_space},
            // readers of the file take "seconds" for dates
@@ -56,6 +56,7 @@ struct ChartResults {
   std::vector<ChartRow> rows;
   std::optional<double> reference_error;
   std::string reference;
+  std::string of;  // what errors are of
 };
 
 Columns<ChartResults> keys() {
@@ -70,6 +71,7 @@ Columns<ChartResults> keys() {
            best.push_back(json_of(chart_table().columns, c.rows[i]));
          return best;
        }},
+      {"of", "", "what errors are of (chart_of)", &ChartResults::of},
       {"reference_error", "1", "its own error", &ChartResults::reference_error},
       {"reference", "", "what errors are measured against", &ChartResults::reference},
       {"clock", "", "what `seconds` counts", [](C) { return "processor time, the largest over the ranks"; }}};
@@ -77,6 +79,7 @@ Columns<ChartResults> keys() {
 
 void write_file(const std::string& path, const Provenance& provenance, const ChartResults& results) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
+  file.attribute("of", results.of);
   file.attribute("reference", results.reference);
   file.attribute("reference_error", results.reference_error.value_or(NAN));
   add_rows(file, chart_table(), results.rows);
@@ -85,7 +88,7 @@ void write_file(const std::string& path, const Provenance& provenance, const Cha
 
 // Which rows have an error of at most 1e-3, 1e-6, 1e-9 in the least time, of all methods and of the IMEX
 // ones.
-void describe(Summary& summary, const std::vector<ChartRow>& rows) {
+void describe(Summary& summary, const std::vector<ChartRow>& rows, const std::string& of) {
   const auto words = [](const ChartRow& r) {
     return fmt::format("{}{}, order {}, n = {}, in {:.2g} s", r.method,
                        r.setting.method.can().splits ? " (" + r.implicit + " implicit)" : "", r.setting.order,
@@ -102,7 +105,7 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   for (const double wanted : {1e-3, 1e-6, 1e-9}) {
     const ChartRow *best = quickest(wanted, false), *imex = quickest(wanted, true);
     if (best)
-      summary.say("error below " + rounded_text(wanted) + ": " + words(*best) +
+      summary.say((of == "fields" ? "error" : "error of " + of) + " below " + rounded_text(wanted) + ": " + words(*best) +
                   (!imex          ? "; no IMEX method reaches it"
                    : imex == best ? ""
                                   : "; of the IMEX methods " + words(*imex)));
@@ -253,7 +256,7 @@ int chart_errors(const Options& options) {
     set_keys(summary, keys(), results);
     WorkPrecision chart(options);
     const auto report = [&] {
-      results = {chart.rows(), chart.reference_error(), chart.reference_text()};
+      results = {chart.rows(), chart.reference_error(), chart.reference_text(), options.text("chart_of")};
       for (const std::size_t i : chart_front(results.rows)) results.rows[i].best = true;
       set_keys(summary, keys(), results);
     };
@@ -267,7 +270,7 @@ int chart_errors(const Options& options) {
             throw;
           }
         },
-        [&] { describe(summary, results.rows); });
+        [&] { describe(summary, results.rows, options.text("chart_of")); });
     report();
     if (chart_front(results.rows).empty())
       warn(
@@ -275,7 +278,7 @@ int chart_errors(const Options& options) {
           "shorter "
           "ts_max_time or finer grids help)");
     write_file(out_file, provenance, results);
-    describe(summary, results.rows);
+    describe(summary, results.rows, options.text("chart_of"));
     return 0;
   });
 }

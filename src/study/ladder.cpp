@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "options/values.hpp"
+#include "output/catalogue.hpp"
 #include "output/measures.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
@@ -16,6 +17,7 @@
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
+#include "study/simulate.hpp"
 #include "time/methods.hpp"
 
 namespace stickslip {
@@ -139,7 +141,8 @@ double FallingErrors::predicted(double at) const {
 // ---- what is asked ----
 
 AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
-    : options(o), scene(Scene::from(o, false)), wanted(accuracy), of(Quantity::from(o)), probes(of.places(o)),
+    : options(o), scene(Scene::from(o, false)), wanted(accuracy),
+      of(Quantity::from(o, "accuracy_of")), probes(of.places(o)),
       has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)),
       grid_open(has_space && !o.is_set("grid_n")), order_open(has_space && !o.is_set("grid_order")),
       method_open(!o.is_set("ts_type")), tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")),
@@ -153,10 +156,13 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
                      ": a profile jumps, and a start whose eta does not (init_eta " + o.text("init_eta") +
                      ") sends jumps along the characteristics, which no grid resolves: init_eta steady, or "
                      "profile_kind smooth");
-  if (Stick::applies_to(scene) && scene.form != Form::chain)
-    throw UsageError("accuracy " + options.text("accuracy") +
-                     " with friction_stick exact in the continuum: eta does not converge at the ends of what "
-                     "sticks; set grid and tolerances, or friction_stick regularised");
+  if (Stick::applies_to(scene) && scene.form != Form::chain) {
+    if (!of.is_measured())
+      throw UsageError("accuracy " + options.text("accuracy") +
+                       " with friction_stick exact in the continuum: eta does not converge at the ends of what "
+                       "sticks; accuracy_of period, amplitude, speed or events does, or set grid and tolerances");
+    corner_order = 1;  // what sticks ends between two nodes
+  }
   for (const Method& m : methods())
     if (const std::string name = capabilities(m).subtype_option;
         method_open && !name.empty() && options.is_set(name))
@@ -293,9 +299,10 @@ double LevelRuns::difference(const Level& a, const Level& b, bool between) const
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
   double d = std::numeric_limits<double>::min();
-  const std::vector<double>&p = coarse.answer.measured, &q = fine.answer.measured;
-  for (std::size_t i = 0; i < p.size() && i < q.size(); ++i) d = std::max(d, std::abs(p[i] - q[i]));
-  if (request_.of.is_measured()) return d;
+  if (request_.of.is_measured()) {
+    const double apart = Quantity::difference(coarse.answer.measured, fine.answer.measured);
+    return std::max(d, std::isfinite(apart) ? apart : at_start_.t_end());  // an event is missed
+  }
   const std::vector<double> x = places(coarse.scene);
   Fields rough = at_points(coarse.answer.fields, coarse.scene, x),
          exact = at_points(fine.answer.fields, fine.scene, x);
@@ -379,10 +386,11 @@ bool LevelRuns::take_other() {
   return true;
 }
 
-Quantity Quantity::from(const Options& options) {
-  const std::string text = options.text("accuracy_of");
-  const UsageError wrong("accuracy_of " + quoted(text) +
-                         ": it is fields, speed, period, amplitude, or probe:x with a place x of the scene");
+Quantity Quantity::from(const Options& options, const std::string& option) {
+  const std::string text = options.text(option);
+  const UsageError wrong(
+      option + " " + quoted(text) +
+      ": it is fields, speed, period, amplitude, events, or probe:x with a place x of the scene");
   if (text.rfind("probe:", 0) == 0) {
     const auto x = parse_number(text.substr(6));
     const bool inside = x && *x >= 0 && *x <= Scene::from(options, false).length;
@@ -392,6 +400,10 @@ Quantity Quantity::from(const Options& options) {
   if (text == "fields") return {};
   if (text == "speed") return {Kind::speed};
   if (text == "amplitude") return {Kind::amplitude};
+  if (text == "events") {
+    (void)event_velocity(options, Scene::from(options, false), option + " events");
+    return {Kind::events};
+  }
   if (text != "period") throw UsageError(wrong);
   return {Kind::period};
 }
@@ -425,10 +437,21 @@ MeasureMaker Quantity::measure(const Options& options) const {
       return [t_end, x = places_of_period(options)](const Model& model, const Scene& whole) {
         return std::make_unique<Period>(model, whole, x, t_end, true);
       };
+    case Kind::events:
+      return [options](const Model& model, const Scene& whole) {
+        return std::make_unique<EventTimes>(model, event_velocity(options, whole, "events"));
+      };
     case Kind::fields:
     case Kind::probe: break;
   }
   return nullptr;
+}
+
+double Quantity::difference(const std::vector<double>& one, const std::vector<double>& other) {
+  if (one.size() != other.size()) return HUGE_VAL;
+  double largest = 0;
+  for (std::size_t i = 0; i < one.size(); ++i) largest = std::max(largest, std::abs(one[i] - other[i]));
+  return largest;
 }
 
 std::string Quantity::name() const {
@@ -437,6 +460,7 @@ std::string Quantity::name() const {
     case Kind::amplitude: return "amplitude";
     case Kind::period: return "period";
     case Kind::probe: return "probe";
+    case Kind::events: return "events";
     case Kind::fields: break;
   }
   return "fields";

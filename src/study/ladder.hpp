@@ -29,14 +29,14 @@ inline void warn_of_pieces(const Scene& scene) {
          ", in time and along x");
 }
 
-// What -accuracy is wanted of (-accuracy_of).
+// What errors are of (-accuracy_of, chart_of).
 struct Quantity {
-  enum class Kind { fields, probe, speed, period, amplitude };
+  enum class Kind { fields, probe, speed, period, amplitude, events };
   Kind kind = Kind::fields;
   double x = 0;  // of the probe
 
-  // Throws UsageError where it is none of these.
-  static Quantity from(const Options& options);
+  // As this option has it. Throws UsageError where it is none of these.
+  static Quantity from(const Options& options, const std::string& option);
 
   // Numbers, of which errors may pass through zero from one level of a ladder to the next; not the largest
   // over a field.
@@ -48,6 +48,8 @@ struct Quantity {
   // Makes what measures it; nullptr where it is read from the end.
   MeasureMaker measure(const Options& options) const;
   std::string name() const;  // for messages
+  // Largest |difference| of what was measured; infinity where one has more events than the other.
+  static double difference(const std::vector<double>& one, const std::vector<double>& other);
 };
 
 // Data of the continuum that do not fit a held end: psi jumps there at t = 0, and the exact solution carries

@@ -8,9 +8,22 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/study/trial.hpp"
+#include "stickslip/time/stick.hpp"
 #include "study/step_forecast.hpp"
 
 namespace stickslip {
+
+double event_velocity(const Options& options, const Scene& scene, const std::string& asked_by) {
+  const bool sticks = Stick::applies_to(scene);
+  if (scene.massless())
+    throw UsageError(asked_by +
+                     ": the sizes of events are measured with psi_t, which a chain without mass (model_m 0) "
+                     "does not have; take a small model_m, or out_frames");
+  if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
+  if (scene.v == 0 && !sticks)
+    throw UsageError(asked_by + ": with model_v 0 it needs out_events_velocity, above which a node moves");
+  return sticks ? 0 : 2 * std::abs(scene.v);
+}
 
 void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::vector<Observer*>& observers,
               const Integrator::Observer& asked) {

@@ -29,6 +29,9 @@ struct TimeSpan {
 void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::vector<Observer*>& observers,
               const Integrator::Observer& asked = {});
 
+// The velocity above which a node moves, for events that option `asked_by` asks for. Throws UsageError.
+double event_velocity(const Options& options, const Scene& scene, const std::string& asked_by);
+
 // A run whose failure is a result.
 struct Experiment {
   const Model& model;

@@ -206,36 +206,4 @@ double distance(const Fields& a, const Fields& b) {
   return largest;
 }
 
-Converged converge_in_time(const Options& options, int order, PetscInt n, double limit) {
-  struct Attempt {
-    MethodSpec method;
-    double tolerance;
-  };
-  static const std::vector<std::pair<Attempt, Attempt>> pairs = {
-      {{{"rk", "8vr", "auto"}, 1e-13}, {{"rk", "7vr", "auto"}, 1e-12}},
-      {{{"arkimex", "5", "both"}, 1e-11}, {{"rosw", "4l", "auto"}, 1e-10}}};
-  Converged result;
-  result.scene = Scene::from(options_for(options, {pairs[0].first.method, 0, 0, order, n}), false);
-  const auto run = [&](const Attempt& attempt, double most) {
-    Trial made = run_trial(options, {attempt.method, attempt.tolerance, 0, order, n}, "reference_", most);
-    result.seconds += made.seconds;
-    if (!made.is_answer())
-      result.failed +=
-          fmt::format("{}{}: {}", result.failed.empty() ? "" : "; ", made.report.method, made.failed);
-    return made;
-  };
-  for (const auto& [best, second] : pairs) {
-    const Trial a = run(best, limit);
-    if (!a.is_answer()) continue;
-    const Trial b = run(second, 3 * limit);
-    if (!b.is_answer()) continue;
-    result.fields = a.end;
-    result.time_error = distance(a.end, b.end);
-    result.method = a.report.method;
-    result.failed.clear();
-    return result;
-  }
-  return result;
-}
-
 }  // namespace stickslip

@@ -10,8 +10,20 @@
 
 #include "base/pulse.hpp"
 #include "stickslip/study/chart.hpp"
+#include "study/ladder.hpp"
 
 namespace stickslip {
+
+// The solution of a semi-discrete system with an error in time far below any other: by two methods of high
+// order, whose distance is taken as its error. Explicit ones where they can finish within the time that they
+// have, else implicit ones.
+struct Converged {
+  Scene scene;
+  Answer answer;
+  double time_error = 0;
+  double seconds = 0;
+  std::string method, failed;
+};
 
 class WorkPrecision {
  public:
@@ -30,6 +42,9 @@ class WorkPrecision {
 
  private:
   const Converged& converged(int order, PetscInt n);
+  Converged converge_in_time(int order, PetscInt n) const;
+  // Of what errors are of (chart_of), the second seen at the nodes of the first.
+  double apart(const Answer& one, const Scene& there, const Answer& other, const Scene& of_other) const;
   void read_reference();
   void refine_reference();
   bool reference_suffices(double in_space, const Converged& fine);
@@ -38,10 +53,11 @@ class WorkPrecision {
   ChartRow measure(const Setting& setting);
   bool looser_took_too_long(const Setting& setting) const;
   Trial repeated(const Setting& setting, ChartRow& row) const;
-  void compare(const Fields& end, ChartRow& row);
+  void compare(const Answer& end, ChartRow& row);
 
   const Options& options_;
   Scene scene_;
+  Quantity of_;
   std::vector<Setting> settings_;
   Progress progress_;
   std::map<std::pair<int, PetscInt>, Converged> converged_;  // by order and nodes

@@ -120,16 +120,4 @@ Fields resample(const Fields& fields, const Scene& from, const Scene& to);
 // Largest |difference| of psi and eta.
 double distance(const Fields& a, const Fields& b);
 
-// The solution of a semi-discrete system with an error in time far below any other: by two methods of high
-// order, whose distance is taken as its error. Explicit ones where they can finish within `limit` seconds,
-// else implicit ones.
-struct Converged {
-  Scene scene;
-  Fields fields;
-  double time_error = 0;
-  double seconds = 0;
-  std::string method, failed;
-};
-Converged converge_in_time(const Options& options, int order, PetscInt n, double limit);
-
 }  // namespace stickslip
