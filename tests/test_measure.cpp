@@ -78,7 +78,8 @@ TEST_CASE("a motion that decays as fast as half of what sliding promises does no
   const double t_end = 100, growth = -4e-4, part = GENERATE(0.3, 0.7);
   const Measured result = measured(
       scene, t_end, 4096,
-      [&](double, double t) { return 0.2 + std::exp(part * growth * t) * std::sin(2 * M_PI / 5 * t); }, growth);
+      [&](double, double t) { return 0.2 + std::exp(part * growth * t) * std::sin(2 * M_PI / 5 * t); },
+      growth);
   CHECK((result.motion == Motion::stick_slip) == (part < 0.5));
 }
 

@@ -261,7 +261,7 @@ class Waves {
   // or in k.
   double diffusion() const {
     if (one_node_) {
-      // as stiff as that at the frequency of the cycle
+      // as stiff as viscosity is at the frequency of the cycle
       const double viscous = 2 * M_PI * scene_.N() / period();
       const double unit = 1e-3 * scene_.K0() / std::max(scene_.K1(), viscous);
       const auto f = [&](double part) { return phase_growth(map_.of_wave(part * unit)); };

@@ -105,7 +105,8 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows, const std::st
   for (const double wanted : {1e-3, 1e-6, 1e-9}) {
     const ChartRow *best = quickest(wanted, false), *imex = quickest(wanted, true);
     if (best)
-      summary.say((of == "fields" ? "error" : "error of " + of) + " below " + rounded_text(wanted) + ": " + words(*best) +
+      summary.say((of == "fields" ? "error" : "error of " + of) + " below " + rounded_text(wanted) + ": " +
+                  words(*best) +
                   (!imex          ? "; no IMEX method reaches it"
                    : imex == best ? ""
                                   : "; of the IMEX methods " + words(*imex)));

@@ -159,8 +159,9 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
   if (Stick::applies_to(scene) && scene.form != Form::chain) {
     if (!of.is_measured())
       throw UsageError("accuracy " + options.text("accuracy") +
-                       " with friction_stick exact in the continuum: eta does not converge at the ends of what "
-                       "sticks; accuracy_of period, amplitude, speed or events does, or set grid and tolerances");
+                       " with friction_stick exact in the continuum: eta does not converge at the ends of "
+                       "what sticks; accuracy_of period, amplitude, speed or events can be had, or set grid and "
+                       "tolerances");
     corner_order = 1;  // what sticks ends between two nodes
   }
   for (const Method& m : methods())

@@ -40,7 +40,8 @@ PetscInt halved(const Scene& scene, PetscInt n, int order) {
 
 WorkPrecision::WorkPrecision(const Options& options)
     : options_(options), scene_(Scene::from(options, false)), of_(Quantity::from(options, "chart_of")),
-      settings_(chart_settings(options)),      progress_(options.text("progress"), "chart: "), reference_error_(NAN) {}
+      settings_(chart_settings(options)), progress_(options.text("progress"), "chart: "),
+      reference_error_(NAN) {}
 
 std::optional<double> WorkPrecision::reference_error() const {
   return std::isnan(reference_error_) ? std::nullopt : std::optional<double>(reference_error_);
@@ -100,8 +101,8 @@ Converged WorkPrecision::converge_in_time(int order, PetscInt n) const {
     if (of_.is_measured() && a.measured.empty()) {
       fail(result.method, "the motion has no " + of_.name() + " to measure");
     } else if (std::isinf(result.time_error)) {
-      fail(result.method, fmt::format("{} events, {} of {}; a shorter ts_max_time may help", a.measured.size() / 2,
-                                      b.measured.size() / 2, b.report.method));
+      fail(result.method, fmt::format("{} events, {} of {}; a shorter ts_max_time may help",
+                                      a.measured.size() / 2, b.measured.size() / 2, b.report.method));
     } else {
       result.failed.clear();
       return result;

@@ -9,7 +9,7 @@ import xarray
 
 import pytest
 
-from calls import PROGRAM, SOURCE, ran, tool
+from calls import PROGRAM, SOURCE, check, data, ran, refused, run, tool
 from reference import System
 
 
@@ -187,3 +187,24 @@ def test_limits_are_drawn_in_one_panel():
     with h5py.File("l.h5") as file:
         bars = [len(panel.patches) for panel in draw_limits(file).axes]
     assert bars == [2, 0]  # one of each method, and the key
+
+
+def test_errors_of_events():
+    """Errors are of when events begin and end; rows of other events have none. The strictest row's events are those that a stricter
+    run writes, to the error that the chart states."""
+    scene = ("-model_form chain -grid_n 12 -model_k0 1 -model_k1 4 -model_v 0.02 -bc_left free -friction_law carlson-langer "
+             "-friction_sigma 0.01 -friction_alpha 1.5 -init_psi 0 -init_eta 0.5 -init_noise 0.4 -init_noise_of eta -ts_max_time 50")
+    found, _ = run(scene + " -chart_of events -chart_methods rk:5dp -chart_tolerances 1e-2,1e-5,1e-7 -chart_repeats 1", command="chart")
+    check(found["of"] == "events", found["of"])
+    loose, middle, strict = found["rows"]
+    check(strict["error"] < 0.1 * middle["error"], f"{middle['error']}, {strict['error']}")
+    check(loose["error"] is None and "events in place of" in loose["failed"] or loose["error"] > middle["error"], loose)
+    times = []
+    for tolerance in ("-ts_type rk:5dp -ts_rtol 1e-7 -ts_atol auto:1e-7", "-ts_type rk:8vr -ts_rtol 1e-13 -ts_atol 1e-13"):
+        run(f"{scene} {tolerance} -stick_clusters off -out_events -out_file e.h5")
+        file = data("e.h5")
+        times.append(np.array(sorted(zip(file["events/begin"], file["events/t"]))))
+    check(times[0].shape == times[1].shape, "as many events")
+    off = np.abs(times[0] - times[1]).max()
+    check(abs(off - strict["error"]) < 0.02 * strict["error"], f"{off}, the chart says {strict['error']}")
+    refused(scene + " -chart_of events -chart_reference e.h5", 2, "chart_of events", command="chart")

@@ -7,8 +7,8 @@
 //     error_space  of that solution against the differential equation
 // The chain is no differential equation in x, nor is a start that lives on one grid: there error is
 // error_time. With chart_of they are errors of one quantity instead: psi and eta at a place, the speed of
-// waves, the period, the amplitude, or the times at which events begin and end; a row with other events than the
-// reference has failed.
+// waves, the period, the amplitude, or the times at which events begin and end; a row with other events than
+// the reference has failed.
 //
 // The reference is solved on grids doubled at the highest order until its error, estimated from the last two
 // differences and their measured rate (and from two methods in time), is far below that of every row; a row
