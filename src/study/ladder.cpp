@@ -160,8 +160,8 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
     if (!of.is_measured())
       throw UsageError("accuracy " + options.text("accuracy") +
                        " with friction_stick exact in the continuum: eta does not converge at the ends of "
-                       "what sticks; accuracy_of period, amplitude, speed or events can be had, or set grid and "
-                       "tolerances");
+                       "what sticks; accuracy_of period, amplitude, speed or events can be had, or set grid "
+                       "and tolerances");
     corner_order = 1;  // what sticks ends between two nodes
   }
   for (const Method& m : methods())
