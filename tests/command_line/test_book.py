@@ -58,6 +58,13 @@ def test_links_have_names():
     assert len(re.findall(r"^ +- [A-Z][\w ]+: [\w/-]+\.md$", text("docs/site.yml.in"), re.MULTILINE)) == len(pages())
 
 
+def test_only_formulas_are_typeset_as_formulas():
+    """No initial of a name, volume of a journal or number in brackets."""
+    wrong = [f"{page}: {found[0]}" for page in map("docs/{}".format, pages())
+             for found in re.finditer(r"\b(?:Rev|Int|Phys|Mech|Res|Appl)\. \$[^$]*\$|\bof \$[A-Z]\$\. [a-z]|\$[A-Za-z] \([\d\\ln ]+\)\$", text(page))]
+    assert not wrong
+
+
 def test_code_has_its_language():
     """Blocks are fenced, begin where their lines do, and what one types has a language, by which it is run (claims.py). Formulas
     are whole on a line, with no letter or digit beside them, as GitHub wants them."""
