@@ -70,7 +70,8 @@ def words(p):
 # ---- laws ----
 
 class Curve:
-    """SciPy's monotone cubics through the points at velocities >= 0, also for complex steps; what holds beside them."""
+    """SciPy's monotone cubics through the points at velocities >= 0, also for complex steps; what holds beside them: a force
+    that falls does so down to 0."""
 
     def __init__(self, points, straight):
         self.points = np.array(sorted((speed, abs(force)) for speed, force in points.tolist() if speed >= 0))
@@ -81,8 +82,9 @@ class Curve:
     def __call__(self, speed):
         x, (last, force) = np.real(speed), self.points[-1]
         at = np.clip(x, self.points[0, 0], last)
-        value = np.where(x > last, force + self.slope * (x - last), self.inside(at))
-        slope = np.where(x > last, self.slope, np.where(x < self.points[0, 0], 0, self.steep(at)))
+        beyond = np.maximum(force + self.slope * (x - last), 0)
+        value = np.where(x > last, beyond, self.inside(at))
+        slope = np.where(x > last, np.where(beyond > 0, self.slope, 0), np.where(x < self.points[0, 0], 0, self.steep(at)))
         return value + 1j * np.imag(speed) * slope if np.iscomplexobj(speed) else value
 
 

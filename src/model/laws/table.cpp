@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "base/failure.hpp"
 #include "model/laws/of_velocity.hpp"
@@ -100,16 +101,13 @@ std::vector<double> slopes_at(const Points& p) {
   return slopes;
 }
 
-// Friction that goes on beyond the last speed of a direction with its last slope must not come to push.
-void check_beyond(const Points& points, double side) {
+// Where friction that goes on beyond the last speed with its last slope has fallen to 0, at which it stays:
+// it does not come to push. Nothing where it does not fall.
+std::optional<Points::value_type> end_of_fall(const Points& points) {
   const double slope = slopes_at(points).back();
   const auto [last, force] = points.back();
-  if (slope < 0)
-    throw usage_error(
-        "-friction_table_beyond slope: friction falls at the last velocity, {}, and would be {} beyond "
-        "{}; take constant",
-        number_text(side * last), side > 0 ? "negative" : "positive",
-        rounded_text(side * (last - force / slope), 4));
+  if (!(slope < 0)) return std::nullopt;
+  return Points::value_type{last - force / slope, 0};
 }
 
 // The least and the largest slope of a piece of that length.
@@ -160,7 +158,12 @@ std::string FrictionCurve::fault(const Points& points, std::size_t& at) {
 
 FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   const std::vector<Points> directions = directions_of(points);
-  const Buckets b = buckets_of(directions);
+  std::vector<Points> corners = directions;
+  for (Points& one : corners) {
+    const auto end = straight_beyond ? end_of_fall(one) : std::nullopt;
+    if (end && end->first > one.back().first) one.push_back(*end);
+  }
+  const Buckets b = buckets_of(corners);
   for (const auto& point : points) largest_ = std::max(largest_, std::abs(point.second));
   offset_ = b.offset;
   last_ = b.last;
@@ -169,7 +172,6 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   base_ = b.base;
   if (directions.size() > 1) backward_ = b.count;
   for (const Points& one : directions) {
-    if (straight_beyond) check_beyond(one, &one == &directions[0] ? 1 : -1);
     const std::vector<CubicPiece> pieces = pieces_of(one, straight_beyond);
     std::size_t k = 0;  // the piece at the begin of the bucket
     for (std::int64_t i = 0; i < b.count; ++i) {
@@ -207,7 +209,10 @@ std::vector<FrictionCurve::CubicPiece> FrictionCurve::pieces_of(const Points& po
     bounds_ = {std::max(bounds_.falling, -low), std::max(bounds_.rising, high)};
   }
   const auto [last, force] = points.back();
-  pieces.push_back({last, force, straight_beyond ? slopes.back() : 0, 0, 0});
+  const auto end = straight_beyond ? end_of_fall(points) : std::nullopt;
+  const bool goes_on = straight_beyond && !(end && end->first <= last);
+  pieces.push_back({last, force, goes_on ? slopes.back() : 0, 0, 0});
+  if (goes_on && end) pieces.push_back({end->first, 0, 0, 0, 0});
   return pieces;
 }
 

@@ -49,7 +49,7 @@ class FrictionCurve {
   // What is wrong with `points` as a curve, and at which of them; "" where nothing is.
   static std::string fault(const Points& points, std::size_t& at);
 
-  // Of points without a fault. Throws UsageError where friction would become negative beyond the last one.
+  // Of points without a fault; friction that falls beyond the last one does so down to 0.
   FrictionCurve(const Points& points, bool straight_beyond);
 
   // The number of the bucket of motion at the speed `a` >= 0; direction < 0: backward.
