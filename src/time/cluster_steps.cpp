@@ -17,6 +17,7 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr PetscInt at_a_time = 1024;                          // nodes
+constexpr double not_there = 1e-9;                            // of a threshold: the time to look again
 constexpr double shortest = 0.1, longest = 10, safety = 0.9;  // of a step, by the last one
 
 }  // namespace
@@ -310,7 +311,7 @@ Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
 
 RestingNodes::RestingNodes(const Model& model, const StickEvents& events)
     : model_(model), scene_(model.scene()), events_(events), dof_(model.dof()),
-      loaded_(scene_.load.varies() && !halts(scene_)), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
+      loaded_(scene_.load.varies() && !halts(scene_)), v_(scene_.v), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
       since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
   for (PetscInt i = 0; i < (scene_.medium.nodes_differ() ? scene_.n : 1); ++i)
     K0_.push_back(scene_.coefficients(i).K0);
@@ -324,10 +325,10 @@ RestingNodes::RestingNodes(const Model& model, const StickEvents& events)
   }
 }
 
-double RestingNodes::way(double t) const { return loaded_ ? scene_.load.integral(t) : scene_.v * t; }
+double RestingNodes::way(double t) const { return loaded_ ? scene_.load.integral(t) : v_ * t; }
 
 double RestingNodes::eta(PetscInt i, double t) const {
-  return eta_[i] + K0(i) * (loaded_ ? way(t) - way(since_[i]) : scene_.v * (t - since_[i]));
+  return eta_[i] + K0(i) * (loaded_ ? way(t) - way(since_[i]) : v_ * (t - since_[i]));
 }
 double RestingNodes::state(PetscInt i, double t) const {
   return dof_ == 2 ? 0 : model_.friction_law(i).state_at_rest(state_[i], t - since_[i]);
@@ -344,15 +345,34 @@ void RestingNodes::set(PetscInt i, double t, double eta, double state) {
 
 double RestingNodes::key(PetscInt i, double direction) const {
   const double force = direction * eta_[i];
+  const double since = since_[i],
+               ahead = loaded_ ? std::min(longest_, scene_.load.next_corner(since) - since) : infinity;
+  if (dof_ == 3 && ahead < infinity) {
+    const LoadsFrom loads = events_.loads_from(since);
+    const RestingNode node = events_.resting(i, direction, eta_[i], rate(i, since), state_[i], loads);
+    return since + std::min(release(node, loads, ahead).wait, ahead);
+  }
   if (dof_ == 3) {
     const RestingNode node{model_.friction_law(i), model_.amplitude()[i], direction, eta_[i], state_[i],
-                           K0(i) * scene_.v};
-    return since_[i] + release(node, {}, infinity).wait;
+                           loaded_ ? rate(i, since) : K0(i) * v_};
+    return since + release(node, {}, infinity).wait;
   }
   const double lacks = events_.threshold(i, 0) - force;
   if (!(K0(i) > 0)) return infinity;
   if (!loaded_) return since_[i] + std::max(0., lacks / std::abs(K0(i) * scene_.v));
   return direction * way(since_[i]) + lacks / K0(i);
+}
+
+void RestingNodes::set_plate(double t, bool goes) {
+  if (dof_ == 2 || (v_ != 0) == (goes && scene_.v != 0)) return;
+  const std::vector<bool> rested(rests_);
+  for (PetscInt i = 0; i < scene_.n; ++i) {
+    leaves(i);
+    set(i, t, eta(i, t), state(i, t));
+  }
+  find_plate(goes);
+  for (PetscInt i = 0; i < scene_.n; ++i)
+    if (rested[std::size_t(i)]) rests(i);
 }
 
 // Neumaier's sum.
@@ -454,12 +474,18 @@ std::vector<PetscInt> RestingNodes::take_due(double t) {
     for (drop_old(side); !side.heap.empty(); drop_old(side)) {
       const auto [key, i] = side.heap.top();
       const double s = state(i, t), limit = events_.threshold(i, s);
-      const double ahead =
-          by_way() ? K0(i) * (key - side.direction * way(t)) : std::abs(rate(i, t)) * (key - t);
+      const double ahead = by_way() ? K0(i) * (key - side.direction * way(t))
+                           : loaded_ || v_ == 0 ? limit - side.direction * eta(i, t)
+                                                : std::abs(K0(i) * v_) * (key - t);
       // at once, to round-off, with the first of them
       if (key > (by_way() ? side.of : t) && ahead > stick_rule::close * limit) break;
       side.heap.pop();
       leaves(i);
+      if (!by_way() && loaded_ && ahead > not_there * limit) {
+        set(i, t, eta(i, t), s);
+        rests(i);
+        continue;
+      }
       set(i, t, side.direction * limit, s);
       due.push_back(i);
     }

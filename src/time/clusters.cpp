@@ -29,8 +29,6 @@ std::string Clusters::refusal(const Scene& s) {
   if (s.force.amplitude != 0)
     return "a harmonic force (load_force_sine_amplitude) acts on every node: steps of the whole medium take "
            "that";
-  if (s.friction.has_state() && s.load.varies())
-    return "friction has a state, and the plate's velocity varies (load_v, load_sine_amplitude, load_halt)";
   if (s.n < 2 * s.order) return "there are fewer than " + std::to_string(2 * s.order) + " nodes";
   return "";
 }
@@ -157,16 +155,16 @@ void Clusters::show_until(double t) {
 
 // A plate that halts goes on where no cluster is left.
 double Clusters::next_release() {
-  if (!halts_) return resting_.next(t_);
+  if (!by_plate()) return resting_.next(t_);
   return alive_ > 0 ? infinity : plate_.t + (resting_.next(clock(t_)) - plate_.time);
 }
 
 // The nodes at rest that come to their thresholds now.
 void Clusters::release_due(double t) {
   next_dt_ = first_dt_;
-  if (halts_) plate_.set(model_, t, resting_.next(clock(t_)), false);
+  releases_ = alive_ == 0;
+  if (halts_) plate_.set(model_, t, by_plate() ? resting_.next(clock(t_)) : plate_.at(t), false);
   freed_ = resting_.take_due(clock(t));
-  releases_ = true;
   if (freed_.empty())
     idling_.at(t, {}, same_time());
   else
@@ -295,7 +293,10 @@ void Clusters::regroup(double t) {
   for (const PetscInt i : freed_)
     if (owner_[i] < 0) await_release(i);
   freed_.clear();
-  if (halts_) plate_.set(model_, t, plate_.time, alive_ == 0);
+  if (halts_) {
+    plate_.set(model_, t, plate_.time, alive_ == 0);
+    resting_.set_plate(t, alive_ == 0);
+  }
   std::vector<PetscInt> changed(starts_);
   changed.insert(changed.end(), stops_.begin(), stops_.end());
   idling_.at(t, changed, same_time());  // where a signal has come `go_on` hears it
@@ -460,6 +461,7 @@ std::vector<Clusters::Kept> Clusters::kept() const {
 }
 
 void Clusters::resume(const std::vector<Kept>& clusters) {
+  if (halts_ && !by_plate()) resting_.find_plate(plate_.goes);
   for (const Kept& kept : clusters) {
     if (kept.first < 0 || kept.first >= n_ || kept.count < 1 || kept.count > n_ ||
         kept.place >= clusters_.size())

@@ -60,6 +60,10 @@ class RestingNodes {
   void set(PetscInt i, double t, double eta, double state);
   void rests(PetscInt i);
   void leaves(PetscInt i);  // for a cluster
+  // Of a plate that halts, where nodes have a state, which goes by the clock of the run: from t on it goes, or
+  // stands. The other only says so, of nodes that a checkpoint holds.
+  void set_plate(double t, bool goes);
+  void find_plate(bool goes) { v_ = goes ? scene_.v : 0; }
 
   // Of the nodes that rest: how many, and the sum of their eta, formed anew so often, and with what is lost
   // in each addition added too, that round-off does not gather.
@@ -110,8 +114,8 @@ class RestingNodes {
   };
   struct Side {
     double direction;
-    // of each node: the time of its release, or under a load without a state the plate's displacement then,
-    // times the direction
+    // of each node: the time of its release, under a load at the latest that when it is looked at again; or
+    // under a load without a state the plate's displacement then, times the direction
     std::vector<double> key;
     Heap heap = {};
     // Under a load: the time of the release that has the key `of`, or infinity where there is none before
@@ -139,6 +143,7 @@ class RestingNodes {
   const StickEvents& events_;
   int dof_;
   bool loaded_;
+  double v_;  // of the plate, where no load makes it vary
   std::vector<double> K0_;  // of the nodes; one where all have the same
   double longest_;          // as far as a load is looked at ahead
   std::vector<double> eta_, since_, state_;
@@ -329,7 +334,9 @@ class Clusters : public MediumNow {
   double force(PetscInt i) const;
   double force_rate(PetscInt i) const;
 
-  double clock(double t) const { return halts_ ? plate_.at(t) : t; }  // which resting nodes go by
+  // Which resting nodes go by.
+  bool by_plate() const { return halts_ && dof_ == 2; }
+  double clock(double t) const { return by_plate() ? plate_.at(t) : t; }
   double next_release();                                              // by the clock of the run
   bool end_with_plate(double t, double release);
   void await_release(PetscInt i);
@@ -390,7 +397,7 @@ class Clusters : public MediumNow {
     std::int64_t steps = 0, node_steps = 0, most_at_once = 0, number = 0;
   } counts_;
   std::int64_t alive_ = 0;
-  bool releases_ = false, plate_is_over_ = false;  // the former: while nodes begin to slip under it
+  bool releases_ = false, plate_is_over_ = false;  // the former: while nodes begin to slip as it goes
 };
 
 template <class Archive>
