@@ -453,7 +453,7 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
 FoundCycle sticking(const Options& options, const Scene& cell, const StickCycle& stick) {
   FoundCycle result{described(cell, stick), positions(cell), 0, nullptr, alone(options, cell), nullptr};
   const std::string why = result.cycle.not_linear;
-  if (has_neighbours(options) && !cell.forced() && why.empty())
+  if (has_neighbours(options) && why.empty())
     result.waves = [cell, course = result.cycle, stick](int count) {
       return bloch_spectrum(stick, course, cell, count);
     };
@@ -537,10 +537,6 @@ void check_cycle_options(const Options& options, const Scene& cell) {
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
     throw UsageError(
         "cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
-  if (options.boolean("cycle_spectrum") && cell.forced() && cell.friction.sticks())
-    throw UsageError(
-        "cycle_spectrum: under a load waves are looked at with smooth friction (friction_stick regularised); "
-        "with exact stick take the whole scene (cycle_cell 0)");
   if (springless(cell))
     throw UsageError(
         cell.forced()

@@ -199,7 +199,7 @@ LowRankCoupling StickDeviations::feed(const std::vector<double>& direction) cons
   LowRankCoupling feed;
   for (const size_t i : at_ends_) {
     const bool slides = direction[i] != 0;
-    std::vector<double> into(motion_.size());
+    std::vector<double> into(motion_.scene().n * dof);
     const NodeCoefficients c = s.coefficients(PetscInt(i));
     into[i * dof] = slides ? c.A * s.N() : 0;
     into[i * dof + 1] = s.mean_K1() - (slides ? c.s_delta * s.N() : 0);
@@ -212,8 +212,8 @@ LowRankCoupling StickDeviations::feed(const std::vector<double>& direction) cons
 // Nothing moves: psi does not deviate, and eta keeps what it has.
 IntervalPropagator StickDeviations::resting(double from, double to,
                                             const std::function<void(double, double*)>& at) const {
-  const size_t d = motion_.size(), dof = size_t(motion_.dof());
-  std::vector<double> begin(d), end(d), matrix(d * d);
+  const size_t d = size_t(unknowns()), dof = size_t(motion_.dof());
+  std::vector<double> begin(motion_.size()), end(motion_.size()), matrix(d * d);
   at(from, begin.data());
   at(to, end.data());
   for (size_t k = 0; k < d; ++k) {
@@ -225,7 +225,7 @@ IntervalPropagator StickDeviations::resting(double from, double to,
 }
 
 IntervalPropagator StickDeviations::jump(const std::vector<double>& was, const StickState& now) const {
-  const size_t d = motion_.size(), dof = size_t(motion_.dof());
+  const size_t d = size_t(unknowns()), dof = size_t(motion_.dof());
   const double N = motion_.scene().N();
   std::vector<double> matrix(d * d), unit(d);
   for (size_t k = 0; k < d; ++k) matrix[k * d + k] = 1;
@@ -266,10 +266,10 @@ void StickDeviations::check_release(size_t node, const StickState& now) const {
 
 std::vector<IntervalPropagator> StickDeviations::chain(int halvings) const {
   std::vector<IntervalPropagator> links;
-  const size_t d = motion_.size();
+  const size_t d = size_t(unknowns()), all = motion_.size();
   const double longest = std::ldexp(motion_.longest() * turn_of_step / turn_of_longest, -halvings);
   const Collocation& gauss = Collocation::gauss5();
-  std::vector<double> direction, u(d), J(mesh_stages * d * d);
+  std::vector<double> direction, u(all), whole(all * all), J(mesh_stages * d * d);
   StickReturnMapOptions wishes;
   wishes.changed = [&](const std::vector<double>& was, const StickState& now) {
     if (was != now.direction) links.push_back(jump(was, now));
@@ -285,7 +285,8 @@ std::vector<IntervalPropagator> StickDeviations::chain(int halvings) const {
     for (int k = 0; k < count; ++k) {
       for (size_t j = 0; j < mesh_stages; ++j) {
         at(from + (k + gauss.c[j]) * h, u.data());
-        motion_.jacobian(direction, u.data(), &J[j * d * d]);
+        motion_.jacobian(direction, u.data(), whole.data());
+        for (size_t a = 0; a < d; ++a) std::copy_n(&whole[a * all], d, &J[(j * d + a) * d]);
       }
       links.emplace_back(gauss, int(d), int(d) - 1, h, J.data(), beside);
     }

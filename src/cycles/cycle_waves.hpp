@@ -90,7 +90,8 @@ std::size_t nearest_to_one(const std::vector<std::complex<double>>& multipliers)
 //
 // A wave has the starts and stops of the cell in every cell, each a little earlier or later; so a change of a
 // node multiplies its deviation by the cell's own jump matrix, in which with viscosity between neighbours the
-// next cells have their share. While every node rests nothing but the state deviates further.
+// next cells have their share. While every node rests nothing but the state deviates further. The time of a
+// load is no unknown here, as it does not deviate.
 class StickDeviations : public CycleWaves {
  public:
   StickDeviations(const Scene& cell, const StickCycle& cycle);
@@ -103,7 +104,7 @@ class StickDeviations : public CycleWaves {
   IntervalPropagator resting(double from, double to, const std::function<void(double, double*)>& at) const;
   IntervalPropagator jump(const std::vector<double>& was, const StickState& now) const;
   void check_release(std::size_t node, const StickState& now) const;
-  int unknowns() const override { return int(motion_.size()); }
+  int unknowns() const override { return motion_.nodes() * motion_.dof(); }
   std::vector<std::complex<double>> weights_of_phase(double theta) const override {
     return phase_weights(rows_, at_ends_, theta);
   }

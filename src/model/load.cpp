@@ -247,9 +247,13 @@ void check_normal_load(const Options& o, const Scene& s) {
   refuse_it(!s.friction.terms.none(),
             "the drag (model_drag) does not grow with the normal load, and the two are not combined");
   refuse_it(o.boolean("load_halt"), "with load_halt a resting node is released by the plate alone");
-  refuse_it(o.is_set("load_normal") && o.command() == "run" && o.integer("lyapunov_count") > 0,
-            "exponents (lyapunov_count) are of a normal load that repeats; leave load_normal out, or take "
-            "load_normal_sine_amplitude alone");
+  const std::vector<std::pair<double, double>> points = o.pairs("load_normal");
+  const bool steps = std::adjacent_find(points.begin(), points.end(), [](const auto& a, const auto& b) {
+                       return a.first == b.first && a.second != b.second;
+                     }) != points.end();
+  refuse_it(steps && s.friction.sticks() && o.command() == "run" && o.integer("lyapunov_count") > 0,
+            "exponents (lyapunov_count) do not pass a step of it at which nodes that rest begin to slip; make "
+            "it a steep ramp");
 }
 
 void read_response(const Options& o, Scene& s) {

@@ -303,6 +303,29 @@ def test_doubling_under_other_sines(tmp_path, monkeypatch, of, to):
     assert abs(bound["points"][0]["value"] - flips[0]) < 1e-7
 
 
+@pytest.mark.parametrize("law, load", [
+    ("coulomb", "-load_sine_amplitude 0.15 -load_sine_period 7"),
+    ("coulomb -state_law healing -state_t_h 3 -state_tau_inf 1.6 -state_D 0.5", "-load_normal_sine_amplitude 0.15 -load_normal_sine_period 7"),
+    ("carlson-langer -friction_sigma 0.1", "-load_force_sine_amplitude 0.3 -load_force_sine_period 15 "
+                                          "-load_normal_sine_amplitude 0.1 -load_normal_sine_period 15")])
+def test_waves_on_a_cycle_with_rests(tmp_path, monkeypatch, law, load):
+    """Of blocks that are alike: a deviation of one block, whose neighbours deviate by the phase of a wave, by SciPy round the period."""
+    monkeypatch.chdir(tmp_path)
+    scene = f"{CHAIN}-grid_n 8 -model_k0 0.5 -model_k1 0.3 -model_zeta 0.05 -model_v 0.2 -friction_law {law} {load} "
+    found, start = cycle(scene + "-cycle_spectrum -cycle_wavenumbers 8")
+    file = data("c.h5")
+    k, mu = file["spectrum/wavenumber"], file["spectrum/multiplier_re"] + 1j * file["spectrum/multiplier_im"]
+    for j in (0, 3, 7):
+        system = System(options(scene) | {"grid_n": 1, "bc_left": "free"})
+        wave, alone = np.array([[2 * np.cos(k[j]) - 2]]), system.jacobian
+        system.jacobian = lambda u, D=None, t=0., wave=wave, alone=alone: alone(u, wave, t)
+        stick = Stick(system, start, 0., np.eye(len(start)))
+        assert np.abs(stick.advance(found["period"]) - start).max() < 1e-6
+        known = np.linalg.eigvals(stick.Y)
+        near(np.sort_complex(known), mu[j], 1e-5)
+        assert abs(np.log(np.abs(known).max()) / found["period"] - file["spectrum/growth_rate"][j]) < 1e-5
+
+
 def test_exponents_under_a_normal_load(tmp_path, monkeypatch):
     """On a cycle with rests they are the logarithms of the moduli of its multipliers over its period."""
     monkeypatch.chdir(tmp_path)
@@ -332,4 +355,3 @@ def test_refusals():
     refused(axis + sine + "-boundary_of stick-slip", 2, "boundary_of", command="boundary")
     refused(axis + sine + "-boundary_verify 1", 2, "boundary_verify", command="boundary")
     refused(axis + sine + "-friction_amplitude_profile 0:1,30:2", 2, "unknowns", command="boundary")
-    refused(sine + "-friction_law coulomb -cycle_spectrum", 2, "cycle_spectrum", command="cycle")
