@@ -160,10 +160,12 @@ def draw_chart(file, args):
     best = all_rows[lower_front(seconds[drawn], error[drawn])]
     spread = len({*zip(order[drawn], n[drawn])}) > 1
     changed = [k for k, before in zip(best, [None, *best]) if before is None or (order[k], n[k]) != (order[before], n[before])]
-    changed, columns = changed if spread else [], 4
+    changed = changed if spread else []
+    picture = Picture(4.8)
+    columns = max(1, int(picture.get_figwidth() // 1.6))
     lines = -(-len(changed) // columns)
-    picture = Picture(4.8 + 0.17 * lines)
-    axes, *table = np.atleast_1d(picture.subplots(2, 1, height_ratios=[4.8, 0.17 * lines]) if lines else picture.subplots())
+    picture.grow(0.17 * lines)
+    axes, *table = np.atleast_1d(picture.subplots(2, 1, height_ratios=[picture.get_figheight() - 0.17 * lines, 0.17 * lines]) if lines else picture.subplots())
     for name in dict.fromkeys(names[drawn]):
         rows = np.flatnonzero(drawn & (names == name))
         rows = rows[lower_front(seconds[rows], error[rows])]

@@ -3,11 +3,13 @@
 Curves are drawn into a grid of the figure's pixels; its sums tell of all places for a box of words at once whether something
 runs through it. Of the free places beside a curve that with the most room is taken, of those in a region the deepest; where
 none is free, one further away with a thin line to what is meant; and where there is none either, a key below the axes."""
+import textwrap
+
 import numpy as np
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import AutoLocator, MaxNLocator
+from matplotlib.ticker import AutoLocator, LogLocator, MaxNLocator
 
 STEP = 3    # pixels between places that are tried
 CLEAR = 4   # pixels between words and whatever is drawn
@@ -33,6 +35,7 @@ class Placing:
         asked, self.asked = self.asked, []
         self.figure.draw_without_rendering()
         for axes in self.figure.axes:
+            wrap_names(axes)
             thin_ticks(axes)
         if not asked:
             return
@@ -60,8 +63,9 @@ class Placing:
     def key(cls, axes, left):
         """A key below the axes, in as many columns as are not wider than these."""
         handles, words = [cls.handle(one) for one in left], [one["words"] for one in left]
+        below = 3.6 + 1.3 * axes.get_xlabel().count("\n")  # the numbers at the axis and its name
         for columns in range(min(3, len(left)), 0, -1):
-            key = axes.legend(handles, words, loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=3.6, ncols=columns)
+            key = axes.legend(handles, words, loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=below, ncols=columns)
             if key.get_window_extent().width <= axes.bbox.width:
                 break
 
@@ -104,18 +108,28 @@ class Placing:
         return line
 
 
+def wrap_names(axes):
+    """Names of axes in as many lines as they take beside these."""
+    for label, room, long in ((axes.xaxis.label, axes.bbox.width, "width"), (axes.yaxis.label, axes.bbox.height, "height")):
+        words, size = label.get_text(), getattr(label.get_window_extent(), long)
+        if axes.axison and "\n" not in words and size > 1.15 * max(room, 1):
+            label.set_text("\n".join(textwrap.wrap(words, max(8, int(len(words) * room / size)), break_long_words=False)))
+
+
 def thin_ticks(axes):
     """Fewer ticks below the axes, until the numbers at them do not touch."""
     axis = axes.xaxis
-    if not axes.axison or not isinstance(axis.get_major_locator(), (AutoLocator, MaxNLocator)):
+    if not axes.axison or not isinstance(axis.get_major_locator(), (AutoLocator, MaxNLocator, LogLocator)):
         return
-    for most in range(6, 1, -1):
+    fewer = [LogLocator(subs=subs, numticks=9) for subs in ((1, 2, 5), (1, 3), (1,))] if isinstance(axis.get_major_locator(), LogLocator) else \
+        [MaxNLocator(most) for most in range(6, 1, -1)]
+    for locator in fewer:
         low, high = sorted(axes.get_xlim())
         boxes = [tick.label1.get_window_extent() for tick in axis.get_major_ticks()
                  if low <= tick.get_loc() <= high and tick.label1.get_visible() and tick.label1.get_text()]
         if all(after.x0 - before.x1 > CLEAR for before, after in zip(boxes, boxes[1:])):
             break
-        axis.set_major_locator(MaxNLocator(most))
+        axis.set_major_locator(locator)
         axes.figure.draw_without_rendering()
 
 

@@ -12,7 +12,7 @@ import matplotlib  # noqa: E402
 import matplotlib.style  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E402
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator  # noqa: E402
 
 from placing import Placing  # noqa: E402
 from stickslip import GREEK, SYMBOL, labels, options, text  # noqa: E402
@@ -120,7 +120,8 @@ def logarithmic(axes, which):
     low, high = sorted(getattr(axes, f"get_{which}lim")())
     decades = np.log10(high / low)
     axis = getattr(axes, which + "axis")
-    axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5) if decades < 1 else (1, 2, 5) if decades < 2 else (1,), numticks=9))
+    subs = (1, 2, 3, 5) if decades < 1 else (1, 2, 5) if decades < 2 else (1,)
+    axis.set_major_locator(MaxNLocator(5) if decades < 0.5 else LogLocator(subs=subs, numticks=9))
     if decades < 2:
         axis.set_minor_locator(NullLocator())
     if low > 5e-4 and high < 2e4:
@@ -135,6 +136,11 @@ class Picture(Figure):
         width = matplotlib.rcParams["figure.figsize"][0]
         super().__init__(figsize=given_size or (width, height), layout="constrained", **settings)
         self.placing = Placing(self, matplotlib.rcParams["font.size"])
+
+    def grow(self, height):
+        """Higher by so much, unless the user gave the size."""
+        if not given_size:
+            self.set_figheight(self.get_figheight() + height)
 
     def title(self, words, axes=None, **settings):
         """Above all, or above one panel; in as many lines as it takes."""

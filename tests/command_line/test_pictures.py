@@ -195,6 +195,21 @@ def test_a_method_looks_the_same_in_every_chart(pictures):
     check(charts >= 7, "charts of runs/")
 
 
+def test_numbers_at_ticks_do_not_touch():
+    """On a short logarithmic axis of long numbers, too."""
+    import style
+    for high in (0.0007, 0.0011, 0.005):
+        picture = style.Picture(2)
+        axes = picture.subplots(1, 2)[0]
+        axes.plot([0.00052, high], [1, 2])
+        style.logarithmic(axes, "x")
+        picture.placing.finish()
+        picture.draw_without_rendering()
+        shown = [tick.label1.get_window_extent() for tick in axes.xaxis.get_major_ticks()
+                 if axes.get_xlim()[0] <= tick.get_loc() <= axes.get_xlim()[1]]
+        check(shown and all(a.x1 < b.x0 for a, b in zip(shown, shown[1:])), f"{high}: {shown}")
+
+
 def test_each_law_has_a_panel(pictures):
     """Twelve laws over each other cannot be told apart."""
     shown = [axes for axes in pictures["laws"].axes if axes.axison]
