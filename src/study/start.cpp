@@ -267,7 +267,10 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
 // The state that is steady at psi; at rest, where a contact ages without bound, the one of steady sliding.
 double steady_start(const Model& model, PetscInt local_node, double psi) {
   const double state = model.steady_state(local_node, psi);
-  return std::isfinite(state) ? state : model.steady_state(local_node, model.scene().v);
+  if (std::isfinite(state)) return state;
+  // or, where it grows without end in motion too, that of rest
+  const Scene& s = model.scene();
+  return model.steady_state(local_node, s.friction.state->needs_stops ? 0 : s.v);
 }
 
 // The force on a chain's held blocks: K1 times the displacement of the block beside it, since its own is 0 at
@@ -475,9 +478,7 @@ void Start::fill(const Model& model, Vec u) const {
   const bool has_state = impl_->fill(model, Writing(u), jump, slope);
   if (on_any_rank(model.comm(), !has_state))
     throw UsageError(
-        model.scene().friction.state->needs_stops
-            ? "init_state steady: in motion slip grows without end; give init_state a number"
-            : "init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+        "init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
   const Scene& s = model.scene();
   if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);
