@@ -204,7 +204,7 @@ void say_all(Summary& summary, const std::string& path) {
     summary.say("to go on: stickslip sweep -restart " + shell_word(path));
 }
 
-// What all ranks are told of the result.
+// Puts the result, which rank 0 has, into every rank's summary.
 void report(Summary& summary, const SweepResults& results, const std::string& path) {
   std::string packed;
   if (rank_in(MPI_COMM_WORLD) == 0) packed = json_text(json_of(keys(), results), 0);

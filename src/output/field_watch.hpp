@@ -326,7 +326,6 @@ namespace stickslip {
 class FieldWatch {
  public:
   FieldWatch(const Model& model, double t_end);
-  static double bytes_a_node() { return 16; }  // memory: low_ and high_
 
   void step(const ObservedStep& step);  // collective
   void moved(const MovedNodes& nodes);

@@ -184,10 +184,6 @@ class RestFraction : public Observer {
   static SummaryKey key();
   // Of a run that ends at t_end.
   RestFraction(const Model& model, double t_end);
-  // Memory: rests_, and last_ of nodes whose unknowns take `unknowns` bytes.
-  static double bytes_a_node(const FrictionParameters& friction, double unknowns) {
-    return 1 + (friction.regularised ? unknowns : 0);
-  }
 
   void plan(ObservationPlan& plan) override { by_clusters_ = plan.by_clusters; }
   void step(const ObservedStep& step) override;

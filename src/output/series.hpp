@@ -22,9 +22,9 @@ namespace stickslip {
 
 // Rows against time where only what slides is advanced (time/clusters.hpp).
 
-// One row for each time, the last one that is put there. It is written once a later time is told of, so that
-// a run that goes on from a checkpoint writes the same rows: it takes over those before the checkpoint's
-// time.
+// One row for each time: the last one that is put there. It is written when a row of a later time comes, so
+// that a run that goes on from a checkpoint, which takes over the rows before the checkpoint's time, writes
+// the same rows.
 class RowOfTime {
  public:
   using Write = std::function<void(double t, const std::vector<double>& row)>;
@@ -108,8 +108,6 @@ class Frames : public Observer {
   // time there is a frame, are the caller's.
   Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement,
          const Plate& plate);
-  // Memory of a node whose unknowns take `unknowns` bytes: u inside a step, and the rows of the file.
-  static double bytes_a_node(double unknowns) { return 2 * unknowns; }
 
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override { file_ = file; }

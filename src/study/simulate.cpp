@@ -89,9 +89,9 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-// What clusters do, for the observers and the catalogue, which is told of an event when its end lies behind:
-// so the rows of a file up to the time of a checkpoint, but not those at that time, are known to it, as with
-// whole steps.
+// What clusters do, for the observers and the catalogue. The catalogue gets an event once all clusters are
+// beyond its end: so a checkpoint knows the rows before its time, and not those at its time, as with steps of
+// the whole medium.
 class ClusterRun::Told : public Clusters::Watcher {
  public:
   Told(const Scene& scene, Wanted wanted, const Clusters& clusters, const Plate& plate)

@@ -71,7 +71,6 @@ class ClusterRun {
   // The plate, whose clock it keeps, must outlive it.
   ClusterRun(const Model& model, Plate& plate, const Tolerances& tolerances, Wanted wanted);
   ~ClusterRun();
-  static double bytes_a_node() { return 56; }  // memory
   void limit_steps(double longest) { clusters_.limit_steps(longest); }
 
   // Advances u, from plan.span.begin or from where the checkpoint was; `report` is up to date whenever an

@@ -5,24 +5,15 @@
 #include <cmath>
 
 #include "base/process.hpp"
-#include "output/field_watch.hpp"
-#include "output/measures.hpp"
-#include "output/series.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/output/displacement.hpp"
-#include "stickslip/output/events.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
-#include "stickslip/stability/tangents.hpp"
 #include "stickslip/study/reduce.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
-#include "study/simulate.hpp"
-#include "time/band.hpp"
 #include "time/integrator_impl.hpp"
 #include "time/methods.hpp"
 
@@ -30,22 +21,11 @@ namespace stickslip {
 
 namespace {
 
-constexpr double of_rank = 50e6;         // the libraries
+constexpr double of_rank = 55e6;         // the libraries
 constexpr double too_small = 1e8;        // what any machine has
 constexpr double most_of_a_node = 4000;  // bytes, so that small scenes are not looked at
 
 // ---- bytes of a node (size.hpp)
-
-struct Unknowns {
-  double dof, V, block;  // block: an entry of a matrix with its column
-  double order, ends;    // ends: entries of a row of the factors
-
-  explicit Unknowns(const Scene& scene)
-      : dof(scene.friction.has_state() ? 3 : 2), V(8 * dof), block(8 * dof * dof + 4), order(scene.order),
-        ends(scene.ring() ? 2 * order + 1 : order + 1) {}
-  double matrix(bool stencil) const { return (stencil ? order + 1 : 1) * block + 20; }
-  double factors(bool stencil) const { return (stencil ? ends * block : 0) + 8 * dof * dof; }
-};
 
 // A method as a run takes it.
 struct Way {
@@ -58,66 +38,39 @@ struct Way {
   const Method& method() const {
     return subtype.empty() ? offered_type(type) : offered_method(type, subtype);
   }
-  // Slopes that it keeps of a step for its own polynomial: of every stage, of an implicit-explicit one two.
-  int slopes() const {
-    if (type != TSRK && type != TSARKIMEX) return 0;
-    return FusedMethod(type, subtype).slopes();
-  }
+  bool is_explicit() const { return capabilities(method()).is_explicit; }
+  // Slopes that it keeps of a step: of every stage, of an implicit-explicit one two.
+  int slopes() const { return type == TSRK || type == TSARKIMEX ? FusedMethod(type, subtype).slopes() : 0; }
 };
 
-// What a step that is taken by PETSc's own type keeps, in vectors.
-double vectors_of_library(const Way& way) {
-  if (way.type == TSRK) return 2 * way.slopes() + 2;
-  if (way.type == TSARKIMEX) return 1.5 * way.slopes() + 9;
-  if (way.type == TSBDF) return 17;
-  if (way.type == TSROSW) return 15;  // four stages
-  if (way.type == TSALPHA) return 14;
-  if (way.type == TSCN) return 11;
-  if (way.type == TSTHETA || way.type == TSBEULER) return 10;
-  if (way.type == TSSSP) return way.subtype == TSSSPRKS2 ? 3 : 4;
-  return 2;  // euler
-}
+double of_unknowns(const Scene& scene) { return scene.friction.has_state() ? 24 : 16; }
 
-// `inside`: are values inside a step asked for?
-double bytes_of_steps(const Unknowns& u, const Way& way, bool inside) {
-  const int degree = capabilities(way.method()).degree;
-  double bytes = (degree > 0 ? DenseOutput::bytes_a_node(u.V, degree, inside) : 0) +
-                 (way.fixed ? StepAudit::bytes_a_node(u.V) : 0);
-  const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
-  if (!way.fused) {
-    bytes += vectors_of_library(way) * u.V;
-    if (capabilities(way.method()).is_explicit) return bytes;
-    return bytes + u.matrix(wave) + u.factors(wave);
-  }
-  bytes += FusedStepper::bytes_a_node(u.V, inside && degree == 0 ? way.slopes() : 0);
-  return wave ? bytes + BandedImex::bytes_a_node(u.dof, way.slopes() / 2., way.implicit) : bytes;
-}
-
-// What is kept of a run: u, the amplitude of friction, and what each part of it says of itself.
 double bytes_of_run(const Options& options, const Scene& scene, const Way& way) {
-  const Unknowns u(scene);
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
-  const double exponents = double(options.integer("lyapunov_count"));
-  // a checkpoint copies it
-  const double state = u.V + FieldWatch::bytes_a_node() + RestFraction::bytes_a_node(scene.friction, u.V);
-  double bytes =
-      state + 8 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way, file || exponents > 0 || sticks);
-  if (file) bytes += Frames::bytes_a_node(u.V);
-  if (file && options.is_set("out_checkpoint_every")) bytes += state;
-  if (file && options.boolean("out_displacement")) bytes += Displacement::bytes_a_node(scene);
-  if (options.boolean("out_events")) bytes += Events::bytes_a_node(options.boolean("out_rupture"));
-  if (exponents > 0) bytes += Tangents::bytes_a_node(u.dof, exponents);
-  if (sticks) bytes += Stick::bytes_a_node(u.V);
-  // as far as the options tell: the run itself may find a reason not to
-  if (sticks && way.name() == "rk:5dp" && !way.fixed && options.text("stick_clusters") != "off")
-    bytes += ClusterRun::bytes_a_node();
-  return bytes;
+  const double exponents = double(options.integer("lyapunov_count")), dof = of_unknowns(scene) / 8;
+  double vectors = 4, entries = 0;  // entries: of a matrix and its factors, in parts of a block
+  if (way.fixed) vectors += 5.5;
+  if (file || exponents > 0 || sticks) vectors += way.slopes() + 5;
+  if (file && options.is_set("out_checkpoint_every")) vectors += 3;
+  if (file && options.boolean("out_displacement")) vectors += 6 + 3 * scene.order;
+  if (options.boolean("out_events")) vectors += 8;
+  if (exponents > 0) vectors += 11 + 7 * exponents;
+  if (sticks) vectors += 5;
+  const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
+  if (way.fused) {
+    vectors += wave ? 13 : 0;
+  } else if (way.is_explicit()) {
+    vectors += std::max(3, 2 * way.slopes() + 2);
+  } else {
+    vectors += way.type == TSARKIMEX ? 18 : 12;
+    entries = wave ? 94 + 12 * scene.order * (scene.ring() ? 2 : 1) : 30;
+  }
+  return vectors * of_unknowns(scene) + entries * dof * dof + (scene.unit_amplitude() ? 0 : 8);
 }
 
 double bytes_of_spectrum(const Options& options, const Scene& scene) {
   if (scene.form == Form::chain) return 500;
-  const double count = double(options.integer("spectrum_count")), order = scene.order;
-  return scene.ring() ? 736 + 145 * order + 18 * count : 770 + 97 * order + 8 * count;
+  return 736 + 145. * scene.order + 18 * double(options.integer("spectrum_count"));
 }
 
 double bytes_of_boundary(const Options& options, const Scene& scene) {
@@ -127,7 +80,7 @@ double bytes_of_boundary(const Options& options, const Scene& scene) {
 }
 
 // What the start takes where symmetry may leave fewer nodes.
-double bytes_of_start(const Scene& scene) { return 8 + Unknowns(scene).V + 60; }
+double bytes_of_start(const Scene& scene) { return of_unknowns(scene) + 76; }
 
 bool may_reduce(const Options& options, const Scene& scene) {
   const bool whole = options.boolean("out_events") || options.integer("lyapunov_count") > 0;
@@ -140,10 +93,10 @@ double bytes_of(const Options& options, const Scene& scene) {
   if (options.command() == "boundary") return bytes_of_boundary(options, scene);
   if (options.command() == "chart") return 183;
   if (may_reduce(options, scene)) return bytes_of_start(scene);
-  Way least;  // nothing takes less, and which slopes are kept depends on the method
-  const bool slopes_open =
-      options.is_set("out_file") || options.integer("lyapunov_count") > 0 || Stick::applies_to(scene);
-  return bytes_of_run(options, scene, least) - (slopes_open ? 7 * Unknowns(scene).V : 0);
+  Way least;  // nothing takes less, of methods that keep no slopes
+  least.type = TSEULER;
+  least.subtype = "";
+  return bytes_of_run(options, scene, least);
 }
 
 // ---- what is there
@@ -181,7 +134,7 @@ void refuse_what_does_not_fit(double n, double bytes, const std::string& what, M
   const int ranks = ranks_in(comm);
   const double fields = n * bytes, own = fields / ranks;
   if (fields < too_small) return;
-  constexpr double sure = 0.9;  // that much of the formula is taken for certain
+  constexpr double sure = 1 / 1.3;  // the bound is no further above what is taken
   const std::string says = fmt::format("-grid_n {:.0f}: needs {}", n, what.empty() ? "at least " : "");
   const std::string node =
       fmt::format(" of memory ({:.4g} bytes a node{})", bytes, what.empty() ? "" : ", " + what);

@@ -189,11 +189,6 @@ class BandedImex : public StepTaker {
  public:
   // `implicit`: wave or both.
   BandedImex(const Model& model, StageProgram method, Implicit implicit, bool sticking);
-  // Memory of a node with `dof` unknowns, in bytes: all stages, in doubles of what is solved for.
-  static double bytes_a_node(double dof, double stages, Implicit implicit) {
-    const bool wave = implicit == Implicit::wave;
-    return 8 * (3 * dof + (wave ? 1 : 2) + stages * (wave ? 1 + dof : dof));
-  }
 
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                const std::vector<VecHandle>& slopes, Vec last_slope = nullptr, double t = 0) const override;

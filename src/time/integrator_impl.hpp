@@ -174,9 +174,6 @@ class Stepper {
 // fusedarkimex or leapfrog, but takes no steps.
 class FusedStepper : public Stepper {
  public:
-  // Memory of a node whose unknowns take `unknowns` bytes: u before the step, and the slopes that are kept.
-  static double bytes_a_node(double unknowns, int slopes) { return (1 + slopes) * unknowns; }
-
   // `type`, `subtype`: as FusedMethod takes them.
   FusedStepper(const Model& model, TS ts, const std::string& type, const std::string& subtype,
                Implicit implicit, bool sticking, Loop loop);
@@ -335,10 +332,6 @@ class DenseOutput {
   // `degree`: as Capabilities has it.
   DenseOutput(const Model& model, int degree)
       : model_(model), degree_(degree), work_(model.create_vector()) {}
-  // Memory of a node whose unknowns take `unknowns` bytes: slopes only once values are asked for.
-  static double bytes_a_node(double unknowns, int degree, bool asked) {
-    return (1 + (asked ? 2 * degree : 0)) * unknowns;
-  }
   // A new step, of which nothing is known.
   void forget() { degree_now_ = 0; }
   // u at the part s of the step of length dt from `before`, at the time t, to `after`. Collective; costs

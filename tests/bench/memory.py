@@ -1,10 +1,10 @@
-"""The largest memory of a command beside what it is stated to take (include/stickslip/study/size.hpp). The program states it
+"""The largest memory of a command beside what it is stated to take at most (include/stickslip/study/size.hpp). The program states it
 itself: a run with -check, other commands when they are refused, for which each is started with a limit of addresses.
 
     STICKSLIP=build/stickslip /usr/bin/python3 tests/bench/memory.py [--only bdf,spectrum] [--size 1] [--random 20]
 
 Prints the table of docs/developers/performance.md; --size 10 has ten times as many nodes, --random draws runs instead. The exit code is
-1 where a peak is off by more than a tenth. Two minutes and 1 GB of memory.
+1 where a peak is above what is stated, or less than a 1.3th of it. Two minutes and 1 GB of memory.
 """
 import argparse
 import os
@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", "build/stickslip"))
-RANK = 50e6  # bytes from the start
+RANK = 55e6  # bytes from the start
 ADDRESSES = 500_000_000  # with which the program starts, and a scene is made
 RUN = "run -init_type sine -scene_reduce off -ts_max_time 1"
 ENDS, STATE, FILE = "-bc_left free -bc_right free", "-friction_law rate-and-state", "-out_file m.h5"
@@ -137,7 +137,7 @@ def main():
             if seen == 0 and asked.random:  # a scene that the method cannot solve
                 print(f"| {what} | failed | | | | |", flush=True)
                 continue
-            off += abs(seen / expected - 1) > 0.1
+            off += not 1 / 1.3 < seen / expected <= 1
             print(f"| {what} | {nodes} | {node:.0f} | {expected / 1e6:.0f} | {seen / 1e6:.0f} | {seen / expected:.2f} |",
                   flush=True)
         os.chdir("/")

@@ -3,7 +3,7 @@
 //
 // The libraries accept any name in silence and leave the name out of most complaints about a value. So the
 // program checks before they do: a name must be one that they read, a well-known number must lie in its
-// range, and an option that was not used is told of.
+// range, and of an option that was not used a warning says so.
 #pragma once
 
 #include <optional>

@@ -53,8 +53,6 @@ class Displacement {
   // Factors the matrix, but where the chain floats. `plate`: whose clock it keeps; it must outlive this.
   // Collective.
   Displacement(const Model& model, const Plate& plate);
-  // Memory of a node, in bytes: the matrix and its factors, about, and vectors.
-  static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
 
   // Where no force says where the chain is; then count() comes first.
   static bool floats(const Scene& scene) { return springless(scene) && !scene.any_held(); }

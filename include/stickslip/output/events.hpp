@@ -73,7 +73,6 @@ class Events {
   // `velocity`: above it a node moves; 0 for friction that sticks. `nodes`: of this rank. Collective.
   Events(const Scene& scene, double velocity, const NodeRange& nodes, bool ruptures = false);
   Events(const Scene& scene, double velocity);                                // this rank has all nodes
-  static double bytes_a_node(bool ruptures) { return ruptures ? 116 : 108; }  // memory
   Events(Events&&) noexcept;
   ~Events();
 

@@ -15,10 +15,10 @@
 // as long as step() lasts.
 //
 // Where only what slides is advanced (plan.by_clusters; one rank then), step() is called at the start, at the
-// end and at the announced times alone, and interpolate() knows no other time than that of the call. What
-// happens in between is told in the order of time: moved() of the steps of some nodes, changed() when some
-// have begun or stopped to slide. An archive is saved after told_until() that time: of all that is told at
-// the time of a checkpoint itself some may come once more.
+// end and at the announced times alone, and interpolate() gives u at the time of the call alone. In between,
+// in the order of time, moved() is called for steps of some nodes, and changed() where nodes begin or cease
+// to slide. A checkpoint is written after told_until() with its time; calls for that very time may come again
+// in the run that goes on from it.
 #pragma once
 
 #include <petscvec.h>
@@ -74,8 +74,9 @@ class Observer {
   virtual ~Observer() = default;
   // Adds what this observer needs. Throws UsageError for what cannot be had.
   virtual void plan(ObservationPlan&) {}
-  // Names what must survive a restart, under names of its own: restored between plan() and start(), saved
-  // behind any step. Throws std::exception, on every rank, where what is restored does not fit.
+  // Names what must survive a restart, each by a name that no other observer has: it is restored between
+  // plan() and start(), and saved after any step. Throws std::exception, on every rank, where what is
+  // restored does not fit.
   virtual void archive(Archive&) {}
   // The file is open: nullptr where none is written. It outlives the last step.
   virtual void start(RunFile*) {}
@@ -83,7 +84,7 @@ class Observer {
   // Where only what slides is advanced.
   virtual void moved(const MovedNodes&, const MediumNow&) {}
   virtual void changed(double, const MediumNow&) {}
-  virtual void told_until(double) {}  // nothing before that time is to come
+  virtual void told_until(double) {}  // no call for an earlier time will follow
   // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where
   // it failed, so that only what counts steps has something to say.
   virtual void summarise(Summary&, Vec) {}

@@ -79,9 +79,10 @@ class Regime : public Observer {
   Regime(const Model& model, double t_end, const std::function<double(PetscInt)>& steady = {});
   ~Regime() override;
 
-  // Largest growth rate of perturbations of steady sliding, the true one and that of the steps taken; NaN:
-  // not known, for the reason given. `beyond`: that of waves that the grid carries but does not resolve,
-  // where they alone grow; the steps' one is theirs then, and so is the word. To be told before result().
+  // To be called before result(): the largest growth rate of perturbations of steady sliding, the true one
+  // and that of the steps taken; NaN: not known, for the reason given. `beyond`: where only waves grow that
+  // the grid carries but does not resolve, their growth rate; growth_taken is then theirs, and the regime
+  // follows them.
   void know(double growth, double growth_taken, const std::string& why_not = "",
             double beyond = std::numeric_limits<double>::quiet_NaN());
 

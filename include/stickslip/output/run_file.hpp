@@ -115,8 +115,8 @@ struct RunLayout {
   std::vector<Field> fields;     // of (t, x): psi, eta, the state where there is one, chi where asked for
   std::vector<RowGroup> groups;  // in the order in which readers see their rows
   std::int64_t frames = 0;       // how many are expected to come (any number may)
-  // All rows but frames are told when a later time is: a run that goes on writes those at the time of its
-  // checkpoint itself, as it always does those of events.
+  // Rows other than frames come only after their time: a run that goes on from a checkpoint writes those at
+  // the checkpoint's time itself, as it always does those of events.
   bool tells_rows_later = false;
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;

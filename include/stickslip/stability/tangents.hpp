@@ -35,9 +35,6 @@ class Tangents {
   // `count` random vectors, at most as many as there are unknowns. No step has been taken.
   Tangents(const Model& model, int count);
   ~Tangents();
-  // Memory of a node with `dof` unknowns, in bytes: blocks of four linearisations; of each vector itself and
-  // its slopes. Where friction is stiff, 7 more numbers for each unknown and vector.
-  static double bytes_a_node(double dof, double count) { return 32 * dof * dof + (3 + 7 * count) * 8 * dof; }
 
   // u at the part [0, 1] of a step.
   using Inside = std::function<void(double part, Vec into)>;

@@ -1,26 +1,26 @@
 // Whether the machines and the number of ranks suit the scene: what a command takes of memory, and what is
 // there.
 //
-// At its peak a command takes, of all ranks together,
+// At its peak a command takes, of all ranks together, at most
 //
-//     bytes = 45e6 ranks + n b
+//     bytes = 55e6 ranks + n b
 //
-// with the n nodes that are solved for and b bytes a node. Each part of a run states its own, bytes_a_node()
-// beside what it allocates: Stick, Displacement, Events, Tangents, StepAudit, Frames, FusedStepper,
-// BandedImex, DenseOutput, FieldWatch; here they are summed, with u, the amplitude of friction and what
-// PETSc's types keep. With V = 8 dof the bytes of a node's unknowns (16, with a state 24), p the order,
-// s the stages, M =
-// (p + 1) (8 dof^2 + 4) + 20 a matrix and L = (2p + 1 on a ring, else p + 1) (8 dof^2 + 4) + 8 dof^2 its
-// factors, these are
+// with the n nodes that are solved for and b bytes a node, and no less than a 1.3th of it
+// (tests/bench/memory.py holds the table of docs/developers/performance.md against runs). b is that of so
+// many vectors of the unknowns (16 bytes, with a state 24) as a run keeps:
 //
-//     M + L + (17, 15, 11, 10, 14, 3 s + 9) V  PETSc's bdf, rosw, cn, theta and beuler, alpha, arkimex
-//     (2 s + 2, 2, 3 or 4) V    PETSc's rk, euler, ssp
+//     4                      always
+//     5.5                    fixed steps: those that are made again
+//     s + 5                  values inside a step of s slopes: a file, exponents, exact stick
+//     3, 6 + 3 p             checkpoints, out_displacement, p the order
+//     8, 11 + 7 k, 5         out_events, k exponents, exact stick
+//     13                     implicit waves in bands
+//     2 s + 2, 3; 18, 12     PETSc's rk, euler and ssp; arkimex, others that are implicit
 //
-// Those of PETSc's solvers count its vectors; of `spectrum` (736 + 145 p + 18 k on a ring, 770 + 97 p + 8 k
-// else, with k eigenvalues), `boundary` (253 + 30 p; held ends 640 + 69 p) and `chart` (183) they are
-// measured, of which tests/bench/memory.py holds all against runs. Symmetry (scene_reduce) leaves fewer
-// nodes, after a start that takes 60 + V + 8 for each of the scene's. wave, cycle, laws and sweep have no
-// grid of the scene's.
+// and with implicit waves by PETSc's solvers dof^2 (94 + 12 p, on a ring 24 p) for the matrix and its
+// factors. Those of `spectrum`, `boundary` and `chart` are measured. Symmetry (scene_reduce) leaves fewer
+// nodes, after a start that takes 76 and the unknowns for each of the scene's. wave, cycle, laws and
+// sweep have no grid of the scene's.
 #pragma once
 
 #include "stickslip/model/model.hpp"
@@ -32,10 +32,10 @@
 namespace stickslip {
 
 // UsageError where there are more ranks than nodes, or where the memory that is left, on any machine that
-// takes part or by a limit of a process (ulimit -v) or control group, is less than nine tenths of what the
-// command takes for its nodes, as far as the options tell: of a run at least what rk:5dp takes. main() calls
-// it for commands with a grid, except before a restart: that command calls it with the restored options.
-// Collective on the ranks that share the scene.
+// takes part or by a limit of a process (ulimit -v) or control group, is less than a 1.3th of what the
+// command takes at most for its nodes, as far as the options tell: of a run by the smallest method. main()
+// calls it for commands with a grid, except before a restart: that command calls it with the restored
+// options. Collective on the ranks that share the scene.
 void check_size(const Options& options, MPI_Comm comm = MPI_COMM_WORLD);
 
 // The same of a run whose start is known, and so its method and how many nodes symmetry leaves, before

@@ -44,9 +44,6 @@ class StepAudit : public Observer {
   StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin,
             double t_end);
   ~StepAudit() override;
-  // Memory of a node whose unknowns take `unknowns` bytes, where steps are repeated: u before the step and
-  // after the repetition, which has an integrator and a model of its own.
-  static double bytes_a_node(double unknowns) { return 4 * unknowns + 8; }
 
   // Whether half of the nodes slide at v, to a tenth. Collective.
   static bool is_near_sliding(const Model& model, Vec u);

@@ -50,12 +50,6 @@ class Stick {
   // The model computes with the directions of this object from decide() on, until another one decides or
   // engages, or this one is destroyed.
   explicit Stick(const Model& model);
-  // Memory of a node whose unknowns take `unknowns` bytes: slopes at both ends of a step, u where it is cut
-  // and where it is tried; directions and thresholds, which with a state move.
-  static double bytes_a_node(double unknowns) {
-    const bool has_state = unknowns > 2 * sizeof(double);
-    return 4 * unknowns + (has_state ? 64 : 40);
-  }
   ~Stick();
   Stick(const Stick&) = delete;
   Stick& operator=(const Stick&) = delete;
