@@ -10,7 +10,6 @@
 #include "stickslip/study/chart.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "study/simulate.hpp"
-#include "study/step_forecast.hpp"
 
 using namespace stickslip;
 

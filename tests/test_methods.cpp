@@ -16,7 +16,7 @@
 #include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "study/step_forecast.hpp"
+#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/methods.hpp"

@@ -23,7 +23,6 @@
 #include "stickslip/time/stick.hpp"
 #include "study/lyapunov.hpp"
 #include "study/simulate.hpp"
-#include "study/step_forecast.hpp"
 
 namespace stickslip {
 

@@ -19,7 +19,6 @@
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 #include "study/simulate.hpp"
-#include "study/step_forecast.hpp"
 
 namespace stickslip {
 

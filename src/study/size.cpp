@@ -53,7 +53,9 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   if (file || exponents > 0 || sticks) vectors += way.slopes() + 5;
   if (file && options.is_set("out_checkpoint_every")) vectors += 3;
   if (file && options.boolean("out_displacement")) vectors += 6 + 3 * scene.order;
-  if (options.boolean("out_events")) vectors += 8;
+  const bool smoothed = scene.friction.regularised;
+  if (smoothed) vectors += 1;
+  if (options.boolean("out_events")) vectors += smoothed || dof > 2 ? 15 : 8;
   if (exponents > 0) vectors += 11 + 7 * exponents;
   if (sticks) vectors += 5;
   const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
@@ -76,7 +78,7 @@ double bytes_of_spectrum(const Options& options, const Scene& scene) {
 double bytes_of_boundary(const Options& options, const Scene& scene) {
   if (options.text("boundary_of") == "stick-slip") return 16;
   const bool held = scene.left == End::velocity || scene.right == End::velocity;
-  return held ? 640 + 69. * scene.order : 253 + 30.5 * scene.order;
+  return held ? 640 + 69. * scene.order : 300 + 45. * scene.order;
 }
 
 // What the start takes where symmetry may leave fewer nodes.

@@ -18,7 +18,6 @@
 #include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
 #include "study/simulate.hpp"
-#include "study/step_forecast.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "study/step_forecast.hpp"
+#include "stickslip/study/step_audit.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 
+#include "numerics/tableau.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/vectors.hpp"
 #include "stickslip/model/linear_point.hpp"

@@ -65,7 +65,7 @@ int chart_errors(const Options& options);
 //   damps     the step from which on no perturbation of steady sliding grows although it should: runs that
 //             start from sliding with noise of 1e-8 and take 160 steps.
 // Beside them stand, from the spectrum of the linearised operator and the method's own propagator
-// (step_forecast.hpp), shortest_theory, damps_theory, and as the counterpart of `limit` theory: waves on a
+// (step_audit.hpp), shortest_theory, damps_theory, and as the counterpart of `limit` theory: waves on a
 // motion whose friction stays at its steepest. What happens beyond `limit` and `followed` stands in `how` and
 // `wrong`, and whether the program said so in `warned`: a run that fails without exit code 1 or a warning is
 // in `silent`, and the chart itself warns of it.

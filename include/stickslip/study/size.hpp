@@ -13,7 +13,8 @@
 //     5.5                    fixed steps: those that are made again
 //     s + 5                  values inside a step of s slopes: a file, exponents, exact stick
 //     3, 6 + 3 p             checkpoints, out_displacement, p the order
-//     8, 11 + 7 k, 5         out_events, k exponents, exact stick
+//     1                      a threshold that is smoothed
+//     8, 11 + 7 k, 5         out_events (15 with that or a state), k exponents, exact stick
 //     13                     implicit waves in bands
 //     2 s + 2, 3; 18, 12     PETSc's rk, euler and ssp; arkimex, others that are implicit
 //
