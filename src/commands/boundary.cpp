@@ -264,19 +264,6 @@ void check_forced(const Options& options, const Scene& scene) {
   if (!scene.nodes_alike() || scene.any_held()) check_smooth_cell(scene);
 }
 
-std::string slide_along(ForcedBoundary& growth, const std::vector<Crossing>& points) {
-  std::string text;
-  double begin = 0;
-  for (std::size_t k = 0; k <= points.size(); ++k) {
-    const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
-    const Axis& axis = growth.axes()[0];
-    text += fmt::format("{}{} from {} to {}", k == 0 ? " " : ", ", stability_word(rate),
-                        number_text(axis.value(begin)), number_text(axis.value(end)));
-    begin = end;
-  }
-  return "along " + growth.axes()[0].name + " sliding under the load is" + text;
-}
-
 void find_forced(CommandRun& run, const GrowthRate& scenes) {
   const Options& options = run.options;
   const std::vector<Axis>& axes = scenes.axes();
@@ -307,7 +294,8 @@ void find_forced(CommandRun& run, const GrowthRate& scenes) {
   }
   write_file(run, scenes, found);
   if (options.text("summary") != "-") print_points(axes, found.sliding);
-  if (!two) run.summary.say(slide_along(growth, found.sliding));
+  if (!two)
+    describe_sliding(run.summary, "sliding under the load is", [&](double x) { return growth(x); }, found);
 }
 
 // What a search that a signal ended has found.

@@ -175,14 +175,6 @@ void say_along(Summary& summary, const Axis& axis, const std::string& what, cons
   summary.say("along " + called(axis.name) + " " + what + text);
 }
 
-void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
-  std::vector<double> ends;
-  for (const Crossing& c : points) ends.push_back(c.x);
-  ends.push_back(1);
-  say_along(summary, growth.axes()[0], "sliding is", ends,
-            [&](double middle) { return stability_word(growth(middle)); });
-}
-
 // Where uniform motion sticks and slips along the first axis. Where the samples change without a point of
 // stick-slip between them, its cycle shrinks to nothing at a Hopf point of sliding.
 void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary& found) {
@@ -257,6 +249,18 @@ void describe_criticality(Summary& summary, const std::vector<Axis>& axes,
 
 }  // namespace
 
+void describe_sliding(Summary& summary, const std::string& what, const std::function<double(double)>& growth,
+                      const FoundBoundary& found) {
+  std::vector<double> ends;
+  for (const Crossing& c : found.sliding) ends.push_back(c.x);
+  for (const double turn : found.findings.turns)
+    if (turn > 1e-8 && turn < 1 - 1e-8) ends.push_back(turn);  // ends are looked at from inside
+  ends.push_back(1);
+  std::sort(ends.begin(), ends.end());
+  say_along(summary, found.axes[0], what, ends,
+            [&](double middle) { return stability_word(growth(middle)); });
+}
+
 void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) {
   const bool two = growth.axes().size() > 1;
   if (!found.sliding.empty()) {
@@ -264,7 +268,7 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
     if (two)
       describe_curve(summary, growth, found.sliding, "sliding");
     else
-      describe_sliding(summary, growth, found.sliding);
+      describe_sliding(summary, "sliding is", [&](double x) { return growth(x); }, found);
   }
   if (two && !found.stick_slip.empty()) describe_curve(summary, growth, found.stick_slip, "stick-slip");
   if (!two && !found.cell && !found.distances.empty())

@@ -81,6 +81,9 @@ Columns<FoundBoundary> boundary_keys();
 
 // Lines of the summary for people.
 void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
+// Of one parameter: what a growth rate says between its points and turns.
+void describe_sliding(Summary& summary, const std::string& what, const std::function<double(double)>& growth,
+                      const FoundBoundary& found);
 // A line for each point on stdout. Collective.
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points);
 

@@ -50,6 +50,12 @@ Signature signature(const Look& look) {
 // How many of them that is.
 int outside(const Signature& s) { return s[0] + s[1] + 2 * s[2]; }
 
+std::complex<double> nearest_to_circle(const Look& look) {
+  return *std::min_element(look.multipliers.begin(), look.multipliers.end(), [](auto a, auto b) {
+    return std::abs(std::abs(a) - 1) < std::abs(std::abs(b) - 1);
+  });
+}
+
 bool near_one(const Look& look) {
   constexpr double near = 0.2;
   return std::any_of(look.multipliers.begin(), look.multipliers.end(),
@@ -110,6 +116,7 @@ class Walk {
   void find_changes(Seen from, const Seen& to);
   Seen behind_change(double distance, const Seen& to);
   void add_change(const Seen& last, const Seen& next);
+  void refine(double distance, SpecialPoint& point);
   std::string end_where_it_repels();
   std::string end_at_hopf();
   std::optional<double> infinite_period() const;
@@ -315,8 +322,11 @@ void Walk::find_special(const Place& tangent) {
                behind = fold + beyond < length_ ? seen_at(fold + beyond) : end;
     find_changes(begin, there);
     find_changes(behind, end);
+    // beside its own, one that passes at the same place; two that meet outside of the circle and part do not
+    const Signature before = signature(*there.look), after = signature(*behind.look);
+    const bool more = std::abs(outside(after) - outside(before)) != 1;
     for (const size_t kind : {1, 2})
-      if (signature(*there.look)[kind] != signature(*behind.look)[kind]) {
+      if (more && before[kind] != after[kind]) {
         go(fold);
         add(kinds[kind], fold);
       }
@@ -414,13 +424,9 @@ Walk::Seen Walk::behind_change(double distance, const Seen& to) {
 // Which multiplier passes the unit circle between two places, and where: the nearest to it.
 void Walk::add_change(const Seen& last, const Seen& next) {
   constexpr double jumps = 1e-3;  // further off
-  const auto nearest = [](const Look& look) {
-    return *std::min_element(look.multipliers.begin(), look.multipliers.end(), [](auto a, auto b) {
-      return std::abs(std::abs(a) - 1) < std::abs(std::abs(b) - 1);
-    });
-  };
-  const std::complex<double> mu = nearest(*last.look);
-  const double before = std::abs(std::abs(mu) - 1), behind = std::abs(std::abs(nearest(*next.look)) - 1);
+  const std::complex<double> mu = nearest_to_circle(*last.look);
+  const double before = std::abs(std::abs(mu) - 1),
+               behind = std::abs(std::abs(nearest_to_circle(*next.look)) - 1);
   const double part = before + behind > 0 ? before / (before + behind) : 0;
   SpecialPoint point{before < jumps ? kinds[size_t(passing(mu))] : "corner",
                      last.look->value + part * (next.look->value - last.look->value),
@@ -428,7 +434,33 @@ void Walk::add_change(const Seen& last, const Seen& next) {
                      0,
                      branch_.points.size() - 1,
                      last.look};
+  if (point.kind == kinds[size_t(Passing::at_one)]) refine(last.distance, point);
   insert(last.distance, std::move(point));
+}
+
+// Where others branch off, the solution itself is known to some 1e-7 only. So the place is that of the cubic
+// through the multiplier that passes, at solutions further off on both sides.
+void Walk::refine(double distance, SpecialPoint& point) {
+  constexpr double off = 1e-4;
+  std::vector<double> at, turns, values, periods;
+  try {
+    for (const int side : {-2, -1, 1, 2}) {
+      const Seen seen = seen_at(distance + side * off);
+      at.push_back(seen.distance);
+      turns.push_back(std::log(std::abs(nearest_to_circle(*seen.look))));
+      values.push_back(seen.look->value);
+      periods.push_back(seen.look->period);
+    }
+  } catch (const Error&) {
+    return;
+  }
+  if (!(turns[0] * turns[1] > 0 && turns[1] * turns[2] < 0 && turns[2] * turns[3] > 0)) return;
+  const Lagrange cubic(at);
+  const double zero = find_root([&](double x) { return cubic.value(turns.data(), x); },
+                                {at[1], turns[1], at[2], turns[2]}, 1e-13);
+  if (std::isnan(zero)) return;
+  point.value = cubic.value(values.data(), zero);
+  point.period = cubic.value(periods.data(), zero);
 }
 
 std::string Walk::end_where_it_repels() {

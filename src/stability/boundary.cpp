@@ -44,11 +44,13 @@ void note_stuck(const std::string& line, const std::string& why, const std::vect
 }
 
 std::vector<Bracket> zeros_shown(const std::function<double(double)>& f, const Axis& axis,
-                                 std::vector<Sample>& samples, std::vector<std::string>& notes) {
-  for (const Bracket& run : zero_stretches(f, samples))
-    notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there", axis.name,
-                                number_text(axis.value(run.a)), number_text(axis.value(run.b)),
-                                stability_word(0)));
+                                 std::vector<Sample>& samples, BoundaryFindings& findings) {
+  for (const Bracket& run : zero_stretches(f, samples)) {
+    findings.notes.push_back(fmt::format("the growth rate is 0 from {} {} to {}: sliding is {} there",
+                                         axis.name, number_text(axis.value(run.a)),
+                                         number_text(axis.value(run.b)), stability_word(0)));
+    findings.turns.insert(findings.turns.end(), {run.a, run.b});
+  }
   return brackets_of(with_touching_zeros(f, samples));
 }
 
@@ -164,7 +166,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   for (const Sample& sample : samples) findings.samples.growth.push_back(sample.f);
   mend_ends(along, samples);  // a threshold law at v = 0
 
-  const std::vector<Bracket> brackets = zeros_shown(along, growth.axes()[0], samples, findings.notes);
+  const std::vector<Bracket> brackets = zeros_shown(along, growth.axes()[0], samples, findings);
   const auto changes =
       std::count_if(brackets.begin(), brackets.end(), [](const Bracket& zero) { return zero.a < zero.b; });
   const std::size_t every = counts_every(growth, std::size_t(changes));

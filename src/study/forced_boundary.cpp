@@ -79,8 +79,21 @@ SmoothCycle ForcedBoundary::led_to(double x, double y, const Found& from) const 
   return slide;
 }
 
+// The stable one that the motion settles on from another.
+SmoothCycle ForcedBoundary::settled_from(double x, double y, const Found& from) const {
+  const Cycle& near = from.slide.cycle;
+  const Scene cell = cell_of(scene(x, y));
+  if (cell.friction.sticks() || near.nodes != cell.n) throw Failure("the motion is not followed");
+  const double* begin = near.at(0, 0);
+  const SmoothCycle found =
+      settled_cycle(cell, {begin, begin + std::size_t(near.nodes * near.dof)}, turns_to_settle);
+  if (found.cycle.forcing_periods != 1 || !(growth_rate(found.cycle) < 0))
+    throw Failure("the motion settles on no slide of the load's period");
+  return found;
+}
+
 // By making the load grow, or from the nearest slide that was found before: first the way by which that one
-// was found.
+// was found. Where a slide changes so fast that neither gets there, the motion may settle on it.
 SmoothCycle ForcedBoundary::slide_at(double x, double y) {
   constexpr std::size_t kept = 100;
   const Found* const other = nearest(x, y);
@@ -91,7 +104,15 @@ SmoothCycle ForcedBoundary::slide_at(double x, double y) {
   } catch (const Failure&) {
     if (!other) throw;
     found.led = !found.led;
-    found.slide = find();
+    try {
+      found.slide = find();
+    } catch (const Failure& failure) {
+      try {
+        found.slide = settled_from(x, y, *other);
+      } catch (const Failure&) {
+        throw failure;
+      }
+    }
   }
   if (slides_.size() < kept) slides_.push_back(found);
   return std::move(found.slide);
@@ -130,7 +151,7 @@ Crossing ForcedBoundary::crossing(double x, double y) {
 }
 
 // Parts of the first axis where no slide is found, each from where one was seen last to where one is again.
-void ForcedBoundary::note_lost(const std::vector<Sample>& samples, std::vector<std::string>& notes) {
+void ForcedBoundary::note_lost(const std::vector<Sample>& samples, BoundaryFindings& findings) {
   constexpr double near = 1. / 64;  // what looks for a slide in vain is slow
   std::string why;
   const auto there = [&](double x) {
@@ -146,8 +167,10 @@ void ForcedBoundary::note_lost(const std::vector<Sample>& samples, std::vector<s
     if (there(samples[first].x)) continue;  // from what was found since
     const double begin = first == 0 ? 0 : last_place(there, samples[first - 1].x, samples[first].x, near);
     const double end = k + 1 == samples.size() ? 1 : last_place(there, samples[k + 1].x, samples[k].x, near);
-    notes.push_back(fmt::format("no slide under the load from {} {} to {}: {}", axes_[0].name,
-                                number_text(axes_[0].value(begin)), number_text(axes_[0].value(end)), why));
+    findings.notes.push_back(fmt::format("no slide under the load from {} {} to {}: {}", axes_[0].name,
+                                         number_text(axes_[0].value(begin)),
+                                         number_text(axes_[0].value(end)), why));
+    findings.turns.insert(findings.turns.end(), {begin, end});
   }
 }
 
@@ -185,8 +208,8 @@ std::vector<Crossing> ForcedBoundary::points(BoundaryFindings& findings) {
     least_at.push_back({sample.x, least_seen[sample.x]});
   }
   const std::vector<Bracket> zeros =
-      zeros_shown([&](double x) { return (*this)(x); }, axes_[0], samples, findings.notes);
-  note_lost(samples, findings.notes);
+      zeros_shown([&](double x) { return (*this)(x); }, axes_[0], samples, findings);
+  note_lost(samples, findings);
   std::vector<Crossing> found;
   for (const Bracket& bracket : zeros) {
     const double at = find_root(*this, bracket, 1e-13);

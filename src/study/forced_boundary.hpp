@@ -56,7 +56,8 @@ class ForcedBoundary : public OnAxes {
   const Found* nearest(double x, double y) const;
   SmoothCycle slide_at(double x, double y);  // throws Failure where none is found
   SmoothCycle led_to(double x, double y, const Found& from) const;
-  void note_lost(const std::vector<Sample>& samples, std::vector<std::string>& notes);
+  SmoothCycle settled_from(double x, double y, const Found& from) const;
+  void note_lost(const std::vector<Sample>& samples, BoundaryFindings& findings);
   Crossing crossing(double x, double y);
   void add_stops(const std::vector<Sample>& least_at, std::vector<Crossing>& found);
 

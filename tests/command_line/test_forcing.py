@@ -216,6 +216,17 @@ def test_a_slide_that_stops(tmp_path, monkeypatch):
     assert abs(branch["special"][-1]["value"] - exact) < 1e-5
 
 
+def test_a_slide_that_changes_fast_is_found_all_along():
+    """From a load of 1.07 to 1.18 neither a growing load nor the slides beside lead to it: the motion settles on it (`cycle`)."""
+    block = ("-model_form chain -grid_n 1 -bc_left free -model_m 0.35 -model_k0 0.9 -model_zeta 0 -friction_law dahl -friction_fc 0.5 "
+             "-friction_sigma0 26 -model_v 1.4 -load_force_sine_period 6.7 ")
+    found, said = run(block + "-load_force_sine_amplitude 0.25 -boundary_parameter load_force_sine_amplitude -boundary_from 0.9 "
+                      "-boundary_to 1.2", command="boundary")
+    assert [point["kind"] for point in found["points"]] == ["flip"] and "no slide" not in said
+    one, _ = run(block + "-load_force_sine_amplitude 1.12 -cycle_cell 0 -init_psi 1.4", command="cycle")
+    assert one["forcing_periods"] == 1 and one["stable"]
+
+
 def test_the_end_of_a_branch_is_listed(tmp_path, monkeypatch):
     """Where a slip only just comes to rest SciPy's motion rests once in a period of the force on one side, and not on the other; two blocks
     that change places end a branch, too."""

@@ -306,6 +306,9 @@ struct SpecialPlace {
 struct BoundaryFindings {
   Samples samples;
   std::vector<std::string> notes;  // what is not as it should be
+  // Of one parameter: coordinates where, without a point, a growth rate that is 0 begins or ceases to be, or
+  // sliding under a load is lost or found again.
+  std::vector<double> turns;
   // The places (codimension two) where one mode takes over from another of different kind or frequency;
   // curves only.
   std::vector<Crossing> meetings;
@@ -322,9 +325,10 @@ void note_stuck(const std::string& line, const std::string& why, const std::vect
                 const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes);
 
 // The zeros of f that samples of it on an axis show: changes of sign, and zeros that f only touches, of which
-// the bracket has no width. Notes tell of intervals along which f is 0; samples right beyond them are added.
+// the bracket has no width. Findings tell of intervals along which f is 0; samples right beyond them are
+// added.
 std::vector<Bracket> zeros_shown(const std::function<double(double)>& f, const Axis& axis,
-                                 std::vector<Sample>& samples, std::vector<std::string>& notes);
+                                 std::vector<Sample>& samples, BoundaryFindings& findings);
 
 // A line of zeros in the box, and what is said of it where it stops inside.
 struct LineInBox {
