@@ -42,14 +42,13 @@ def under_a_load(rng):
     return given + f" -load_v 0:{v},{0.3 * end}:{2 * v},{0.5 * end}:{-0.5 * v},{0.5 * end}:{2 * v}", loading
 
 
-def test_a_state_under_a_plate_that_varies():
-    rng, compared = np.random.default_rng(72), 0
-    for scene in range(5):
-        given, loading = under_a_load(rng)
+def test_a_state_under_a_plate_that_varies(scenes):
+    compared = 0
+    for index, (given, loading) in scenes(under_a_load, 72, short=6):
         alike, of = events_alike(given, loading)
-        check(alike >= min(4, of), f"scene {scene}: {alike} of {of} events: {given}")
+        check(alike >= min(4, of), f"scene {index}: {alike} of {of} events: {given}")
         compared += alike
-    check(compared > 15, f"events compared: {compared}")
+    check(compared > 12, f"events compared: {compared}")
 
 
 def test_an_event_beside_one_under_way():
