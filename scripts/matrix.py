@@ -28,6 +28,7 @@ SCENES = {
     "exact stick": CHAIN,
     "exact stick in a continuum": MEDIUM + "-friction_law carlson-langer",
     "rate-and-state": CHAIN.replace("-friction_law carlson-langer ", RATE),
+    "strength by slip": CHAIN.replace("carlson-langer", "slip-weakening -friction_Dc 0.1 -state_law slip-since-stop"),
     "contact age": CHAIN + "-state_law contact-age -state_b 0.2",
     "a table of friction": SMOOTH.replace("carlson-langer", "table -friction_table 0:1,0.5:0.7,1:0.6,2:0.65"),
     "a plate of varying velocity": SMOOTH + "-load_v 0:0.3,2:0.4",
