@@ -252,8 +252,8 @@ void check_normal_load(const Options& o, const Scene& s) {
                        return a.first == b.first && a.second != b.second;
                      }) != points.end();
   refuse_it(steps && s.friction.sticks() && o.command() == "run" && o.integer("lyapunov_count") > 0,
-            "exponents (lyapunov_count) do not pass a step of it at which nodes that rest begin to slip; make "
-            "it a steep ramp");
+            "exponents (lyapunov_count) do not pass a step of it at which nodes that rest begin to slip; "
+            "make it a steep ramp");
 }
 
 void read_response(const Options& o, Scene& s) {

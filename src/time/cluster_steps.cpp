@@ -311,7 +311,8 @@ Found ClusterSteps::find_change(Cluster& c, double dt, double& part) {
 
 RestingNodes::RestingNodes(const Model& model, const StickEvents& events)
     : model_(model), scene_(model.scene()), events_(events), dof_(model.dof()),
-      loaded_(scene_.load.varies() && !halts(scene_)), v_(scene_.v), longest_(Stick::longest_rest(scene_)), eta_(scene_.n),
+      loaded_(scene_.load.varies() && !halts(scene_)), v_(scene_.v), longest_(Stick::longest_rest(scene_)),
+      eta_(scene_.n),
       since_(scene_.n), state_(dof_ == 3 ? scene_.n : 0), rests_(scene_.n, false) {
   for (PetscInt i = 0; i < (scene_.medium.nodes_differ() ? scene_.n : 1); ++i)
     K0_.push_back(scene_.coefficients(i).K0);

@@ -60,8 +60,8 @@ class RestingNodes {
   void set(PetscInt i, double t, double eta, double state);
   void rests(PetscInt i);
   void leaves(PetscInt i);  // for a cluster
-  // Of a plate that halts, where nodes have a state, which goes by the clock of the run: from t on it goes, or
-  // stands. The other only says so, of nodes that a checkpoint holds.
+  // Of a plate that halts, where nodes have a state, which goes by the clock of the run: from t on it goes,
+  // or stands. The other only says so, of nodes that a checkpoint holds.
   void set_plate(double t, bool goes);
   void find_plate(bool goes) { v_ = goes ? scene_.v : 0; }
 
