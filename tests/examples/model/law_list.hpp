@@ -9,9 +9,6 @@
 
 namespace stickslip {
 
-template <class...>
-struct Types {};
-
 using Laws = Types<Cubic, Hump, Lorentz>;
 using StateLaws = Types<NoState, Bonding>;
 
