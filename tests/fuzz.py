@@ -150,6 +150,8 @@ def complaints(case, seen, words):
                 shown = {name.lower(): text for name, text in summary["options"].items()}
                 for name, value in case.pairs:
                     got = shown.get(name.lower().lstrip("-"))
+                    if "-" + name.lower() in case.library:
+                        continue  # given again behind it, which counts
                     if value == "columns.txt" or (value == "none" and got == ""):
                         continue  # a file of two columns is shown as the points in it, what is not set as nothing
                     if got != value and not (got and got.replace(" ", "") == value.replace(" ", "")):
