@@ -29,6 +29,7 @@ from scipy.optimize import least_squares
 TARGETS = (1e-4, 1e-6, 1e-9)
 LONGEST = 5  # seconds of one run, after which a method goes no further
 REPEATS = 5
+SCATTER = 1e-3  # seconds, of the set-up
 TOLERANCES = 10 ** -np.arange(3, 14, 0.5)
 
 
@@ -108,8 +109,11 @@ def ours(program, scene, folder, *more):
 
     def run(tolerance, *more):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(words + [*more, "-ts_rtol", str(tolerance), "-ts_atol", str(tolerance * (1 if scene.sticks else scene.v))],
-                              capture_output=True, text=True, timeout=10 * LONGEST, check=False)
+        tolerances = ["-ts_rtol", str(tolerance), "-ts_atol", str(tolerance * (1 if scene.sticks else scene.v))]
+        try:
+            done = subprocess.run([*words, *more, *tolerances], capture_output=True, text=True, timeout=2 * LONGEST, check=False)
+        except subprocess.TimeoutExpired:
+            return None, None
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         if done.returncode:
             print("#", done.stderr.strip()[-200:])
@@ -213,16 +217,22 @@ def show(scene, exact, methods):
     """One line for each accuracy: the best of this program and of each of the others."""
     rows = {name: best_of(run, exact, scene) for name, run in methods}
     own = {name: row for name, row in rows.items() if name.startswith("stickslip")}
-    others = [name for name in rows if name not in own]
+    others = [name for name in NAMES if not name.startswith("stickslip")]
     for target in TARGETS:
         reached = [(row[target], name) for name, row in own.items() if target in row]
         (mine, process), by = min(reached) if reached else ((np.nan, np.nan), "-")
-        cells = [f"{1e3 * rows[name][target][0]:.3g} ({rows[name][target][0] / mine:.2g})" if target in rows[name] else "-" for name in others]
-        print(f"| {scene.name} | {target:.0e} | {1e3 * mine:.3g} ({by.removeprefix('stickslip ')}) | {1e3 * process:.3g} | "
+        least = max(mine, SCATTER)
+        cells = [f"{1e3 * rows[name][target][0]:.3g} ({rows[name][target][0] / least:.2g})" if target in rows.get(name, {}) else "-"
+                 for name in others]
+        print(f"| {scene.name} | {target:.0e} | {'below ' * (mine < SCATTER)}{1e3 * least:.3g} ({by.removeprefix('stickslip ')}) | {1e3 * process:.3g} | "
               + " | ".join(cells) + " |", flush=True)
 
 
+NAMES = []
+
+
 def heading(methods):
+    NAMES[:] = [name for name, _ in methods]
     others = [name for name, _ in methods if not name.startswith("stickslip")]
     print("\n| scene | error | this program, ms | its process, ms | " + " | ".join(f"{name}, ms (ratio)" for name in others) + " |")
     print("|" + "---|" * (4 + len(others)))
@@ -231,8 +241,10 @@ def heading(methods):
 def reference(bench, scene, folder, program, method="loop"):
     end = compiled(bench, scene, folder, method)(1e-13)[0]
     exact = scene.judged(end)
-    own = ours(program, scene, folder, "-ts_type", "rk:8vr")(1e-12)[0]
-    print(f"# {scene.name}: this program with rk:8vr is {np.abs(scene.judged(own) - exact).max():.2g} from the reference", file=sys.stderr)
+    strict = "arkimex:5" if scene.kinds == 3 else "rk:8vr"
+    own = ours(program, scene, folder, "-ts_type", strict)(1e-12)[0]
+    away = "too slow" if own is None else f"{np.abs(scene.judged(own) - exact).max():.2g} from the reference"
+    print(f"# {scene.name}: this program with {strict} is {away}", file=sys.stderr)
     return exact
 
 
@@ -248,13 +260,15 @@ def stick(program, bench, folder):
                    ("own loop, smoothed", compiled(bench, scene, folder, "loop", -1.)), ("SciPy, events", scipy_stick(scene))]
         if k == 0:
             heading(methods)
+        if n >= 1000:  # minutes a run
+            methods = [method for method in methods if "smoothed" not in method[0] and "SciPy" not in method[0]]
         show(scene, exact, methods)
 
 
 def catalogue(program, bench, folder):
     """As long as events agree nothing is to be said of accuracy: counts and seconds."""
     print("\n| blocks | time | events of the program, starts in the loop | program, s (process) | own loop, s | ratio |\n|---|---|---|---|---|---|")
-    for n, t_end in ((100, 1000.), (1000, 300.), (4000, 100.)):
+    for n, t_end in ((100, 1000.), (1000, 100.)):
         scene = Scene(f"{n} blocks", n, t_end, one_way=True, k0=1., k1=9., zeta=0., v=1e-3, spread=0.1)
         words = [program, "run", *scene.options(folder), "-out_events", "true", "-ts_rtol", "1e-5", "-ts_atol", "1e-5",
                  "-out_file", os.path.join(folder, "o.h5"), "-summary", os.path.join(folder, "o.json")]
