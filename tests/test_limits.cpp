@@ -8,8 +8,8 @@
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/chart.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "study/simulate.hpp"
+#include "study/step_audit.hpp"
 
 using namespace stickslip;
 

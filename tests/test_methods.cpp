@@ -16,9 +16,9 @@
 #include "catch.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
+#include "study/step_audit.hpp"
 #include "time/methods.hpp"
 
 using namespace stickslip;

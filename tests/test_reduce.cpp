@@ -8,9 +8,9 @@
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
 #include "stickslip/study/reduce.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
 #include "stickslip/waves/wave_stability.hpp"
+#include "study/step_audit.hpp"
 
 using namespace stickslip;
 

@@ -27,8 +27,8 @@
 #include "stickslip/study/accuracy.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/size.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "study/lyapunov.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

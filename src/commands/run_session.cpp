@@ -19,10 +19,10 @@
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/size.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
 #include "study/lyapunov.hpp"
 #include "study/simulate.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

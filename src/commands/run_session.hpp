@@ -21,11 +21,11 @@
 #include "stickslip/output/regime.hpp"
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/study/reduce.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/study/trial.hpp"
 #include "stickslip/time/time.hpp"
 #include "study/lyapunov.hpp"
 #include "study/simulate.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

@@ -15,10 +15,10 @@
 #include "stickslip/output/regime.hpp"
 #include "stickslip/output/result_file.hpp"
 #include "stickslip/study/start.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 #include "study/simulate.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

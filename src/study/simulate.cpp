@@ -17,9 +17,9 @@
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/study/trial.hpp"
 #include "stickslip/time/stick.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

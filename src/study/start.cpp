@@ -21,8 +21,8 @@
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
-#include "stickslip/study/step_audit.hpp"
 #include "stickslip/waves/train.hpp"
+#include "study/step_audit.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "stickslip/study/step_audit.hpp"
+#include "study/step_audit.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
