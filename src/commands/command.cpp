@@ -51,10 +51,10 @@ void say_beyond_table(const Options& options, double low, double high, Summary& 
   const double first = points.front().first < 0 ? points.front().first : -last;  // else odd
   if (first <= low && high <= last) return;
   const double reached = high > last ? high : low;
+  const bool goes_on = options.text("friction_table_beyond") == "slope";
   summary.say(fmt::format("psi comes to {}, beyond the end of friction_table at {}: there friction {}",
                           in_unit(reached, 4, "velocity"), in_unit(high > last ? last : first, 4, "velocity"),
-                          options.text("friction_table_beyond") == "slope" ? "goes on with the last slope"
-                                                                           : "is taken as constant"));
+                          goes_on ? "goes on with the last slope, not below 0" : "is taken as constant"));
 }
 
 void CommandRun::end_at_signal(ResultFile& file) const {

@@ -2,7 +2,9 @@
 tanh, slip weakening, Dieterich's logarithm, Perrin, Rice and Zheng's state law, LuGre and Dahl. Each against SciPy on random
 scenes, and against closed forms."""
 import glob
+import json
 import math
+import subprocess
 
 import h5py
 import numpy as np
@@ -11,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import reference
-from calls import refused, run, scene_file
+from calls import PROGRAM, refused, run, scene_file
 from reference import Curve, System, options
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free"
@@ -375,3 +377,17 @@ def test_dahls_loop():
         want = way * fc * (1 - (1 - way * F[begin] / fc) * math.exp(-sigma0 / fc * path))
         assert abs(F[begin + 1] - want) < 2e-4
     assert F[-400:].max() < fc and F[-400:].max() > 0.97 * fc and abs(F[-400:].max() + F[-400:].min()) < 1e-3
+
+
+def test_a_fall_that_is_all_but_over_at_the_end_of_a_table():
+    """It is none: neither the motion nor the memory differ from those of a force that stays (both are of buckets as narrow as what
+    they tell apart)."""
+    found = []
+    for beyond in ("constant", "slope"):
+        command = [PROGRAM, *f"run {BLOCK} -friction_law table -friction_table 0:1,1:0.5,2:1e-9 -friction_table_beyond {beyond} -model_v 0.5 "
+                   "-ts_max_time 20 -summary s.json -progress off".split()]
+        done = subprocess.run(["bash", "-c", 'ulimit -v 4000000; exec "$@"', "-", *command], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        with open("s.json", encoding="utf-8") as file:
+            found.append(json.load(file))
+    assert found[0]["steps"] == found[1]["steps"] and found[0]["psi_mean"] == found[1]["psi_mean"]

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "base/failure.hpp"
 #include "model/laws/of_velocity.hpp"
@@ -101,15 +100,6 @@ std::vector<double> slopes_at(const Points& p) {
   return slopes;
 }
 
-// Where friction that goes on beyond the last speed with its last slope has fallen to 0, at which it stays:
-// it does not come to push. Nothing where it does not fall.
-std::optional<Points::value_type> end_of_fall(const Points& points) {
-  const double slope = slopes_at(points).back();
-  const auto [last, force] = points.back();
-  if (!(slope < 0)) return std::nullopt;
-  return Points::value_type{last - force / slope, 0};
-}
-
 // The least and the largest slope of a piece of that length.
 std::pair<double, double> slopes_of(double slope, double bend, double twist, double length) {
   const auto at = [&](double y) { return slope + y * (2 * bend + 3 * twist * y); };
@@ -159,9 +149,10 @@ std::string FrictionCurve::fault(const Points& points, std::size_t& at) {
 FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   const std::vector<Points> directions = directions_of(points);
   std::vector<Points> corners = directions;
+  std::vector<std::vector<CubicPiece>> pieces_of_directions;
   for (Points& one : corners) {
-    const auto end = straight_beyond ? end_of_fall(one) : std::nullopt;
-    if (end && end->first > one.back().first) one.push_back(*end);
+    const CubicPiece& beyond = pieces_of_directions.emplace_back(pieces_of(one, straight_beyond)).back();
+    if (beyond.from > one.back().first) one.emplace_back(beyond.from, beyond.value);
   }
   const Buckets b = buckets_of(corners);
   for (const auto& point : points) largest_ = std::max(largest_, std::abs(point.second));
@@ -171,8 +162,8 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
   shift_ = b.shift;
   base_ = b.base;
   if (directions.size() > 1) backward_ = b.count;
-  for (const Points& one : directions) {
-    const std::vector<CubicPiece> pieces = pieces_of(one, straight_beyond);
+  for (std::size_t d = 0; d < directions.size(); ++d) {
+    const std::vector<CubicPiece>& pieces = pieces_of_directions[d];
     std::size_t k = 0;  // the piece at the begin of the bucket
     for (std::int64_t i = 0; i < b.count; ++i) {
       const CubicPiece& low = pieces[k];
@@ -185,7 +176,8 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
       const CubicPiece& high = pieces[++k];
       const double h = high.from - low.from, bend = low.bend + 3 * h * low.twist;
       const double slope = low.slope + h * (2 * low.bend + 3 * h * low.twist);
-      const bool kink = low.from < one.front().first || k + 1 == pieces.size();  // beside the points given
+      // beside the points given
+      const bool kink = low.from < directions[d].front().first || k + 1 == pieces.size();
       buckets_.push_back({high.from,
                           high.value,
                           {kink ? slope : high.slope, high.slope},
@@ -208,11 +200,15 @@ std::vector<FrictionCurve::CubicPiece> FrictionCurve::pieces_of(const Points& po
     const auto [low, high] = slopes_of(slopes[i], pieces.back().bend, pieces.back().twist, h);
     bounds_ = {std::max(bounds_.falling, -low), std::max(bounds_.rising, high)};
   }
+  // Friction that falls on does so to 0, where it stays: it does not come to push. A fall so short is none,
+  // since buckets would have to be as narrow.
+  constexpr double short_fall = 1e-4;  // of the last velocity
   const auto [last, force] = points.back();
-  const auto end = straight_beyond ? end_of_fall(points) : std::nullopt;
-  const bool goes_on = straight_beyond && !(end && end->first <= last);
-  pieces.push_back({last, force, goes_on ? slopes.back() : 0, 0, 0});
-  if (goes_on && end) pieces.push_back({end->first, 0, 0, 0, 0});
+  const double slope = straight_beyond ? slopes.back() : 0,
+               fall = slope < 0 ? -force / slope : std::numeric_limits<double>::infinity();
+  const bool goes_on = fall > short_fall * last;
+  pieces.push_back({last, force, goes_on ? slope : 0, 0, 0});
+  if (goes_on && slope < 0) pieces.push_back({last + fall, 0, 0, 0, 0});
   return pieces;
 }
 
