@@ -517,8 +517,8 @@ std::optional<JumpAtEnd> AccuracyPlan::jump() {
 
 double AccuracyPlan::estimate(const Answer& end) {
   if (impl_->request.of.is_measured() && end.measured.empty())
-    throw Failure(fmt::format("accuracy_of {}: the motion has no {} to measure",
-                              impl_->request.options.text("accuracy_of"), impl_->request.of.name()));
+    throw Failure("accuracy_of " + impl_->request.options.text("accuracy_of") + ": " +
+                  impl_->request.of.missing());
   return impl_->timed([&] { return impl_->estimate(end); });
 }
 

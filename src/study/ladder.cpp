@@ -280,7 +280,7 @@ Trial LevelRuns::trial(const Setting& s, double limit) const {
   const LibraryOptionsHeld held(asked, bounded);
   Trial made = run_trial(asked, s, "", limit, measure);
   if (measure && made.is_answer() && made.measured.empty())
-    made.fail(Fault::failed, "the motion has no " + request_.of.name() + " to measure");
+    made.fail(Fault::failed, request_.of.missing());
   return made;
 }
 

@@ -48,7 +48,9 @@ struct Quantity {
   // Makes what measures it; nullptr where it is read from the end.
   MeasureMaker measure(const Options& options) const;
   std::string name() const;  // for messages
-  // Largest |difference| of what was measured; infinity where one has more events than the other.
+  // What to say of a motion in which there is none.
+  std::string missing() const { return "the motion has no " + name() + " to measure"; }
+  // Largest |difference| of what was measured; infinity where one has more of it than the other.
   static double difference(const std::vector<double>& one, const std::vector<double>& other);
 };
 

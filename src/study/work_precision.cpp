@@ -99,7 +99,7 @@ Converged WorkPrecision::converge_in_time(int order, PetscInt n) const {
     result.time_error = apart(result.answer, result.scene, {b.end, b.measured}, result.scene);
     result.method = a.report.method;
     if (of_.is_measured() && a.measured.empty()) {
-      fail(result.method, "the motion has no " + of_.name() + " to measure");
+      fail(result.method, of_.missing());
     } else if (std::isinf(result.time_error)) {
       fail(result.method, fmt::format("{} events, {} of {}; a shorter ts_max_time may help",
                                       a.measured.size() / 2, b.measured.size() / 2, b.report.method));
@@ -307,8 +307,10 @@ void WorkPrecision::compare(const Answer& end, ChartRow& row) {
   }
   if (!row.error) row.failed = "its error is below what the reference resolves";
   if (!row.error || std::isfinite(*row.error)) return;
-  const std::size_t events = (reference_ ? *reference_ : c).answer.measured.size();
-  row.failed = fmt::format("{} events in place of {}", end.measured.size() / 2, events / 2);
+  const std::size_t times = (reference_ ? *reference_ : c).answer.measured.size();
+  row.failed = of_.kind == Quantity::Kind::events
+                   ? fmt::format("{} events in place of {}", end.measured.size() / 2, times / 2)
+                   : of_.missing();
   row.error = row.error_time = row.error_space = std::nullopt;
 }
 

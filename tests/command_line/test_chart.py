@@ -208,3 +208,12 @@ def test_errors_of_events():
     off = np.abs(times[0] - times[1]).max()
     check(abs(off - strict["error"]) < 0.02 * strict["error"], f"{off}, the chart says {strict['error']}")
     refused(scene + " -chart_of events -chart_reference e.h5", 2, "chart_of events", command="chart")
+
+
+def test_a_row_without_the_number_says_so():
+    """Long implicit steps damp the oscillation away, whose period is asked for."""
+    found, _ = run("-model_form chain -grid_n 1 -bc_left free -model_v 0.3 -model_k0 0.5 -init_psi 0.2 -init_eta 0 -ts_max_time 80 "
+                   "-chart_of period -chart_methods beuler -chart_steps 20,0.02 -chart_repeats 1", command="chart")
+    long, short = found["rows"]
+    check(long["error"] is None and long["failed"] == "the motion has no period to measure", long["failed"])
+    check(0 < short["error"] < 1, short)
