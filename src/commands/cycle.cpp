@@ -30,42 +30,52 @@ struct CycleResults {
   std::string parameter;  // of the branch
 };
 
-// How far a node goes to either side of its mean motion, and its largest acceleration; over all nodes.
-struct Reach {
-  double displacement = 0, acceleration = 0;
-};
-
-// Between two times psi is nearly straight, and its slopes are those of parabolas through three times, of
-// which none lies beyond a corner: where a rest begins or ends they are one-sided.
-Reach reach_of(const Cycle& cycle) {
+// How far a node goes to either side of its mean motion, psi being nearly straight between two times; of all
+// nodes the most.
+double displacement_of(const Cycle& cycle) {
   const std::size_t last = cycle.times.size() - 1;
-  Reach reach;
+  double most = 0;
   for (PetscInt i = 0; i < cycle.nodes; ++i) {
     const auto step = [&](std::size_t k) { return cycle.times[k + 1] - cycle.times[k]; };
-    const auto rests = [&](std::size_t k) { return cycle.psi(k, i) == 0 && cycle.psi(k + 1, i) == 0; };
+    const auto between = [&](std::size_t k) { return (cycle.psi(k, i) + cycle.psi(k + 1, i)) / 2; };
+    double mean = 0, at = 0, low = 0, high = 0;
+    for (std::size_t k = 0; k < last; ++k) mean += step(k) * between(k);
+    mean /= cycle.period;
+    for (std::size_t k = 0; k < last; ++k) {
+      at += step(k) * (between(k) - mean);
+      low = std::min(low, at), high = std::max(high, at);
+    }
+    most = std::max(most, (high - low) / 2);
+  }
+  return most;
+}
+
+// Largest of all nodes, by slopes of parabolas through three times, of which none lies beyond a corner: where
+// a rest begins or ends they are one-sided.
+double acceleration_of(const Cycle& cycle) {
+  const std::size_t last = cycle.times.size() - 1;
+  double most = 0;
+  for (PetscInt i = 0; i < cycle.nodes; ++i) {
+    const auto step = [&](std::size_t k) { return cycle.times[k + 1] - cycle.times[k]; };
+    const auto moves = [&](std::size_t k) {
+      return step(k) > 0 && (cycle.psi(k, i) != 0 || cycle.psi(k + 1, i) != 0);
+    };
     const auto secant = [&](std::size_t k) { return (cycle.psi(k + 1, i) - cycle.psi(k, i)) / step(k); };
     // at the beginning or the end of interval k, with the interval `other` beside it
     const auto slope = [&](std::size_t k, std::size_t other, bool shared) {
       const double part = step(k) / (step(k) + step(other));
       return secant(k) + (shared ? 1 : -1) * part * (secant(other) - secant(k));
     };
-    double mean = 0, at = 0, low = 0, high = 0;
-    for (std::size_t k = 0; k < last; ++k) mean += step(k) * (cycle.psi(k, i) + cycle.psi(k + 1, i)) / 2;
-    mean /= cycle.period;
     for (std::size_t k = 0; k < last; ++k) {
-      at += step(k) * ((cycle.psi(k, i) + cycle.psi(k + 1, i)) / 2 - mean);
-      low = std::min(low, at), high = std::max(high, at);
-      if (rests(k) || !(step(k) > 0)) continue;
-      const bool before = k > 0 && !rests(k - 1) && step(k - 1) > 0,
-                 behind = k + 1 < last && !rests(k + 1) && step(k + 1) > 0;
+      if (!moves(k)) continue;
+      const bool before = k > 0 && moves(k - 1), behind = k + 1 < last && moves(k + 1);
       for (const double found :
            {before ? slope(k, k - 1, true) : behind ? slope(k, k + 1, false) : secant(k),
             behind ? slope(k, k + 1, true) : before ? slope(k, k - 1, false) : secant(k)})
-        reach.acceleration = std::max(reach.acceleration, std::abs(found));
+        most = std::max(most, std::abs(found));
     }
-    reach.displacement = std::max(reach.displacement, (high - low) / 2);
   }
-  return reach;
+  return most;
 }
 
 Columns<Cycle> cycle_columns() {
@@ -75,9 +85,9 @@ Columns<Cycle> cycle_columns() {
           {"psi_max", "length/time", "largest psi", &Cycle::psi_max},
           {"displacement", "length",
            "half the largest range of a node's displacement about its mean motion, to about a part in 1000",
-           [](const Cycle& c) { return reach_of(c).displacement; }},
+           [](const Cycle& c) { return displacement_of(c); }},
           {"acceleration", "velocity/time", "largest acceleration of a node, to about a part in 1000",
-           [](const Cycle& c) { return reach_of(c).acceleration; }},
+           [](const Cycle& c) { return acceleration_of(c); }},
           {"rest_fraction", "1", "part of the time at rest", &Cycle::rest_fraction},
           {"force_drop", "1", "range of the mean eta", &Cycle::force_drop},
           {"error_estimate", "1", "of the period, relative", &Cycle::error_estimate}};
@@ -205,7 +215,7 @@ std::string shown(std::complex<double> z) {
 }
 
 // chi at the times of the cycle, as far as its nodes are unknowns of it.
-std::vector<double> displacement_of(const Scene& scene, const Cycle& cycle) {
+std::vector<double> chi_of(const Scene& scene, const Cycle& cycle) {
   const Model model(PETSC_COMM_SELF, scene);
   const Plate plate;
   const Displacement displacement(model, plate);
@@ -244,7 +254,7 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.add(standard_field("psi"), {"t", "x"}, fields[0]);
   file.add(standard_field("eta"), {"t", "x"}, fields[1]);
   if (cycle.dof == 3) file.add(standard_field(state_name(law)), {"t", "x"}, fields[2]);
-  file.add(standard_field("chi"), {"t", "x"}, displacement_of(scene, cycle));
+  file.add(standard_field("chi"), {"t", "x"}, chi_of(scene, cycle));
   if (cycle.not_linear.empty())
     file.add_complex({"multiplier", "1", "Floquet multiplier"}, {"multiplier"}, cycle.multipliers);
   std::vector<RestAt> rests;
@@ -274,13 +284,11 @@ void describe(Summary& summary, const Scene& scene, const FoundCycle& found) {
       in_unit(cycle.psi_max, 10, "velocity"), force_text(cycle.force_drop, scene, 8),
       cycle.rest_fraction > 0 ? fmt::format(", at rest for {:.4g} % of the time", 100 * cycle.rest_fraction)
                               : ""));
-  if (!names().length.empty() && !names().time.empty()) {
-    const Reach reach = reach_of(cycle);
+  if (!names().length.empty() && !names().time.empty())
     summary.say(fmt::format("amplitude {}, displacement {} to either side, acceleration up to {}",
                             in_unit(cycle.amplitude, 4, "velocity"),
-                            in_unit(reach.displacement, 4, "length"),
-                            in_unit(reach.acceleration, 4, "velocity/time")));
-  }
+                            in_unit(displacement_of(cycle), 4, "length"),
+                            in_unit(acceleration_of(cycle), 4, "velocity/time")));
   if (!cycle.not_linear.empty()) {
     summary.say("perturbations: without multipliers and a verdict on stability: " + cycle.not_linear);
     return;

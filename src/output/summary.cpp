@@ -170,7 +170,6 @@ static std::vector<std::string> foreign_units(const std::string& text) {
   return found;
 }
 
-
 void Summary::tell() const {
   int rank = 0;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
