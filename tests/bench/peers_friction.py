@@ -103,27 +103,39 @@ def best_of(run, exact, scene, targets=TARGETS, tolerances=TOLERANCES):
     return found
 
 
+def second_difference(psi):
+    """Of a chain with free ends."""
+    return np.diff(np.pad(psi, 1, "edge"), 2)
+
+
+def timed(words, folder):
+    """The completed process of the program, `wall_s` of its summary (None where it failed), and the processor time of it all."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    summary = os.path.join(folder, "o.json")
+    done = subprocess.run([*words, "-out_file", os.path.join(folder, "o.h5"), "-summary", summary], capture_output=True, text=True,
+                          timeout=2 * LONGEST, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        return done, None, None
+    with open(summary, encoding="utf-8") as file:
+        return done, json.load(file)["wall_s"], after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 def ours(program, scene, folder, *more):
-    words = [program, "run", *scene.options(folder), *more, "-out_file", os.path.join(folder, "o.h5"), "-summary",
-             os.path.join(folder, "o.json")]
+    words = [program, "run", *scene.options(folder), *more]
 
     def run(tolerance, *more):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         tolerances = ["-ts_rtol", str(tolerance), "-ts_atol", str(tolerance * (1 if scene.sticks else scene.v))]
         try:
-            done = subprocess.run([*words, *more, *tolerances], capture_output=True, text=True, timeout=2 * LONGEST, check=False)
+            done, wall, process = timed([*words, *more, *tolerances], folder)
         except subprocess.TimeoutExpired:
             return None, None
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
         if done.returncode:
             print("#", done.stderr.strip()[-200:])
             return None, None
         with h5py.File(os.path.join(folder, "o.h5")) as file:
             psi, eta = file["psi"][-1], file["eta"][-1]
-        with open(os.path.join(folder, "o.json"), encoding="utf-8") as file:
-            wall = json.load(file)["wall_s"]
-        end = np.stack([psi if scene.sticks else np.log(psi), eta], axis=1)
-        return end, wall - set_up, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        return np.stack([psi if scene.sticks else np.log(psi), eta], axis=1), wall - set_up, process
     set_up = 0.
     set_up = statistics.median(run(1e-6, "-ts_max_time", str(1e-9 * scene.t_end))[1] for _ in range(REPEATS))
     return run
@@ -148,8 +160,6 @@ def compiled(bench, scene, folder, method, eps=0.):
 
 def scipy_stick(scene):
     """solve_ivp with one event, the least of all blocks' distances to their next change, and a new start after each."""
-    D2 = lambda x: np.diff(x, prepend=x[:1], append=x[-1:], n=1)[1:] - np.diff(x, prepend=x[:1], append=x[-1:], n=1)[:-1]  # noqa: E731
-
     def run(tolerance):
         begin, n = time.process_time(), scene.n
         u, t, going = scene.start.T.ravel(), 0., np.zeros(n)
@@ -158,7 +168,7 @@ def scipy_stick(scene):
         def rates(_, u):
             psi, eta = u[:n], u[n:]
             slide = (scene.f0 * (eta - scene.strength * going / (1 + 2 * scene.alpha * np.abs(psi))) - scene.zeta * psi) / scene.m
-            return np.concatenate([np.where(going != 0, slide, 0), (scene.k0 * (scene.v - psi) + scene.k1 * D2(psi)) / scene.f0])
+            return np.concatenate([np.where(going != 0, slide, 0), (scene.k0 * (scene.v - psi) + scene.k1 * second_difference(psi)) / scene.f0])
 
         def gaps(_, u):
             return np.where(going != 0, u[:n] * going, scene.strength - np.abs(u[n:]))
@@ -191,8 +201,7 @@ def scipy_state(scene, method):
             u = u.reshape(n, kinds)
             y, s = u[:, 0], u[:, 1]
             psi = np.exp(y)
-            wide = np.concatenate([psi[:1], psi, psi[-1:]])
-            pull = scene.k0 * (scene.v - psi) + scene.k1 * (wide[2:] - 2 * psi + wide[:-2])
+            pull = scene.k0 * (scene.v - psi) + scene.k1 * second_difference(psi)
             s_t = -psi / p["D"] * (np.log(psi / p["D"]) + s) if scene.slip_law else np.exp(-s) - psi / p["D"]
             if kinds == 2:
                 y_t = (pull - scene.f0 * p["b"] * s_t) / (scene.f0 * p["a"] + scene.zeta * psi)
@@ -270,16 +279,11 @@ def catalogue(program, bench, folder):
     print("\n| blocks | time | events of the program, starts in the loop | program, s (process) | own loop, s | ratio |\n|---|---|---|---|---|---|")
     for n, t_end in ((100, 1000.), (1000, 100.)):
         scene = Scene(f"{n} blocks", n, t_end, one_way=True, k0=1., k1=9., zeta=0., v=1e-3, spread=0.1)
-        words = [program, "run", *scene.options(folder), "-out_events", "true", "-ts_rtol", "1e-5", "-ts_atol", "1e-5",
-                 "-out_file", os.path.join(folder, "o.h5"), "-summary", os.path.join(folder, "o.json")]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(words, capture_output=True, check=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        process = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        words = [program, "run", *scene.options(folder), "-out_events", "true", "-ts_rtol", "1e-5", "-ts_atol", "1e-5"]
+        done, wall, process = timed(words, folder)
+        assert done.returncode == 0, done.stderr
         with h5py.File(os.path.join(folder, "o.h5")) as file:
             begins = len(file["events/begin"])
-        with open(os.path.join(folder, "o.json"), encoding="utf-8") as file:
-            wall = json.load(file)["wall_s"]
         path = os.path.join(folder, "scene")
         scene.write(path)
         done = subprocess.run([bench, path, "loop", "1e-5", "0", os.path.join(folder, "end")], capture_output=True, text=True, check=True)
